@@ -17,11 +17,16 @@ Array = NDArray[np.float64]
 
 DIESEL_DENSITY = 0.832  # g/cm^3 at 15 degC, middle of EN 590's 0.820 to 0.845
 
+TIME_UNITS = {
+    "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,
+    "days": 86400.0, "d": 86400.0,
+}  # fmt: skip
 # canonical unit -> spelling (lower case, no blanks) -> (factor, offset): canonical = factor * value + offset
 _LINEAR: dict[str, dict[str, tuple[float, float]]] = {
     "m/s": {
         "m/s": (1.0, 0.0), "mps": (1.0, 0.0), "km/h": (1 / 3.6, 0.0), "kph": (1 / 3.6, 0.0),
-        "kmh": (1 / 3.6, 0.0), "mph": (0.44704, 0.0), "mi/h": (0.44704, 0.0), "ft/s": (0.3048, 0.0),
+        "kmh": (1 / 3.6, 0.0), "cm/s": (0.01, 0.0), "mm/s": (1e-3, 0.0),
+        "mph": (0.44704, 0.0), "mi/h": (0.44704, 0.0), "ft/s": (0.3048, 0.0),
         "knot": (1852 / 3600, 0.0), "kn": (1852 / 3600, 0.0),
     },
     "m/s^2": {
@@ -116,6 +121,17 @@ def conversion(channel: str, unit: str | None, density: float | None = None) -> 
         return Conversion("cm^3/s", _LINEAR["g/s"][spelling][0] / _density(density))
     known = ", ".join(known_units(channel))
     raise InputError(f"unit '{unit}' does not fit channel '{channel}'; use one of: {known}")
+
+
+def between(unit: str, other: str) -> tuple[float, float] | None:
+    """Factor and offset from numbers in one unit to those in another; None if they measure different
+    things."""
+    one, two = _spelling(unit), _spelling(other)
+    for known in _LINEAR.values():
+        if one in known and two in known:
+            (a, b), (c, d) = known[one], known[two]
+            return a / c, (b - d) / c
+    return None
 
 
 def known_units(channel: str) -> list[str]:

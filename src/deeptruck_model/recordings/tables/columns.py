@@ -16,14 +16,10 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import topic_map
 from deeptruck_model.recordings.tables.csv_text import Format
 from deeptruck_model.recordings.topic_map import EXTRA, Entries, Source, check_keys, load_yaml, number
-from deeptruck_model.recordings.units import DIESEL_DENSITY, conversion
+from deeptruck_model.recordings.units import DIESEL_DENSITY, TIME_UNITS, conversion
 from deeptruck_model.signals import SLOPE_FROM, check_driver, check_slope_source
 from deeptruck_model.vehicle_kinds import check_vehicle
 
-TIME_UNITS = {
-    "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,
-    "days": 86400.0, "d": 86400.0,
-}  # fmt: skip
 DATE_UNITS = ("iso", "iso8601", "datetime")
 
 KEYS = {
@@ -33,7 +29,7 @@ KEYS = {
     "delimiter": "one character between the cells; found in the header where absent",
     "encoding": "of the text; utf-8 where absent",
     "skip_rows": "lines before the header",
-    "decimal": "the decimal mark; a point where absent",
+    "decimal": "the decimal mark; found in the numbers where absent",
     "only": "rows of one vehicle, where a table has several: a column, and its text in the rows to take",
     "pivot": "where each row has one value: the column with the names, and the column with the values",
     "split_at": "steps in SI units; a larger jump starts a new piece",
@@ -113,7 +109,7 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
             delimiter=None if delimiter is None else str(delimiter),
             encoding=str(data.get("encoding", "utf-8")),
             skip_rows=_rows(data.get("skip_rows", 0)),
-            decimal=str(data.get("decimal", ".")),
+            decimal=str(data.get("decimal", "")),
         ),
         split_at=_splits(data.get("split_at") or {}, parsed),
         name=str(data["name"]) if "name" in data else None,

@@ -39,7 +39,7 @@ BLANK = "without a filled cell"
 @dataclass(frozen=True)
 class Format:
     """How a table is written, by the keys of COLUMNS.yaml; Parquet and MAT need none. Without a delimiter it
-    is found in the header.
+    is found in the header, without a decimal mark in the numbers.
 
     `described` has a line for each column above the header, as loggers list their channels.
     """
@@ -47,7 +47,7 @@ class Format:
     delimiter: str | None = None
     encoding: str = "utf-8"
     skip_rows: int = 0
-    decimal: str = "."
+    decimal: str = ""
     described: tuple[str, ...] = ()
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv as text_csv
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +12,10 @@ from numpy.typing import NDArray
 from deeptruck_model._io import reading
 from deeptruck_model._io.account import Account
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import ranges
+from deeptruck_model.recordings.consistency.impossible import impossible
 from deeptruck_model.recordings.tables.csv_text import CsvText, Format
 from deeptruck_model.recordings.tables.row_keys import key_of
-from deeptruck_model.recordings.tables.table_file import PARQUET, decimal_mark, read_table
+from deeptruck_model.recordings.tables.table_file import is_typed, read_table
 
 Array = NDArray[np.float64]
 
@@ -35,18 +34,17 @@ def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
         Format(skip_rows=_lines_before(path, over, of)),
         cure=f"it needs a header with {over} and {of}, and rows of as many cells",
     )
-    table = replace(table, decimal=decimal_mark(table, over, of))
     named = {name: frozenset(name.lower().split()) for name in table.columns}
-    if key := key_of(table, [table.values(of)[0]], named):
+    if key := key_of(table, [table[of].values], named):
         raise InputError(f"{path}: {key}; give a table of one of them")
-    table = table.with_key(~np.isnan(table.values(over)[0]), over, (over,))
-    x, y = table.values(over)[0], table.values(of)[0]
+    table = table.with_key(~np.isnan(table[over].values), over, (over,))
+    x, y = table[over].values, table[of].values
     without = ~np.isfinite(x) | ~np.isfinite(y)
     if without.any():
         at = table.at(int(np.argmax(without)))
         raise InputError(f"{path}: {at} needs a number under {over} and {of}")
     if of == "speed":
-        for reason, none in ranges.no_values("speed", "m/s", x, y):
+        for reason, none in impossible("speed", "m/s", x, y):
             first = f"at {x[int(np.argmax(none))]:g} s ({y[int(np.argmax(none))]:g})"
             table = table.without(none, f"{reason}, bridged", f", {first}")
             x, y = x[~none], y[~none]
@@ -62,7 +60,7 @@ def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
 
 def _lines_before(path: Path, *names: str) -> int:
     """Number of lines before the header with these names, 0 if there is none."""
-    if path.suffix.lower() in PARQUET:
+    if is_typed(path):
         return 0
     for lines in range(MOST_BEFORE):
         try:

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from deeptruck_model._io.reading import package_yaml
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.channel_words import BY_WORDS, COMMANDED, STATISTIC, UNIT_WORDS, words
-from deeptruck_model.recordings.tables.columns import TIME_UNITS
-from deeptruck_model.recordings.units import conversion
+from deeptruck_model.recordings.units import TIME_UNITS, conversion
 from deeptruck_model.signals import CHANNELS
 
 _DATA = package_yaml(__package__, "header_words.yaml")
@@ -69,6 +68,7 @@ def header(name: str, below: str = "") -> Header:
         unit, stated = UNIT_WORDS[found_words[0]], f"'{found_words[0]}' in the header"
     if unit.lower() == "rpm":
         named |= {"rpm"}
+    unit = "m/s" if unit == "ms" and named & {"speed", "velocity"} else unit
     if not unit and len(name) > 2 and (found := spelled(name, name)):  # 'km/h' as the whole header
         unit, stated = found, "the header"
         named |= {"speed"} if found in ("km/h", "mph", "m/s") else frozenset()

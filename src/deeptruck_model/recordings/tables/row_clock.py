@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from deeptruck_model._io.account import Account
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.candidates import yaml_text
-from deeptruck_model.recordings.tables.columns import TIME_UNITS, Clock
+from deeptruck_model.recordings.tables.columns import Clock
 from deeptruck_model.recordings.tables.header_words import NO_TIME, TIME, Header
 from deeptruck_model.recordings.tables.row_times import OF_DAY, is_iso, packed_format, timed, usual_formats
-from deeptruck_model.recordings.tables.table_file import MOST_ABOVE, TextTable
+from deeptruck_model.recordings.tables.table_file import MOST_ABOVE, Table
 from deeptruck_model.recordings.tables.table_form import NUMBER
+from deeptruck_model.recordings.units import TIME_UNITS
 
 Array = NDArray[np.float64]
 
@@ -55,7 +56,7 @@ class _Trial:
 
 
 def find_clock(
-    table: TextTable, headers: Mapping[str, Header], speeds: Sequence[Array], known: bool = True
+    table: Table, headers: Mapping[str, Header], speeds: Sequence[Array], known: bool = True
 ) -> RowClock:
     """The clock of a table, found by its headers (column -> header) and cells.
 
@@ -86,12 +87,11 @@ def find_clock(
     return RowClock("", refused or "no column looks like a clock")
 
 
-def _falls(table: TextTable, columns: tuple[str, ...]) -> bool:
+def _falls(table: Table, columns: tuple[str, ...]) -> bool:
     """Whether a clock of plain numbers goes back."""
-    column = table.column(columns[0])
-    if len(columns) > 1 or pa.types.is_temporal(column.type):
+    if len(columns) > 1 or table[columns[0]].is_temporal:
         return False
-    values = table.values(columns[0])[0]
+    values = table[columns[0]].values
     return bool((np.diff(values[np.isfinite(values)]) < 0.0).any())
 
 
@@ -102,7 +102,7 @@ def _line(clock: Clock) -> str:
     return f"time: {{column: {column}{how}}}"
 
 
-def _trials(table: TextTable, headers: Mapping[str, Header]) -> Iterator[_Trial]:
+def _trials(table: Table, headers: Mapping[str, Header]) -> Iterator[_Trial]:
     first = {name: _first(table, name) for name in table.columns}
     dates = [name for name, cell in first.items() if DATE_ALONE.fullmatch(cell)]
     days = [name for name, cell in first.items() if DAY_ALONE.fullmatch(cell)]
@@ -112,8 +112,8 @@ def _trials(table: TextTable, headers: Mapping[str, Header]) -> Iterator[_Trial]
             yield from _dated((date, day), f"{first[date]} {first[day]}", places[date])
     for name, column in table.columns.items():
         words, unit = headers[name].words, headers[name].unit
-        if pa.types.is_temporal(column.type):
-            yield _Trial(Clock((name,), unit=""), f"'{name}' has the type {column.type}", places[name])
+        if column.is_temporal:
+            yield _Trial(Clock((name,), unit=""), f"'{name}' has the type {column.raw.type}", places[name])
         elif NUMBER.fullmatch(first[name]):
             if (words & TIME or (unit in TIME_UNITS and _even(table, name))) and not words & NO_TIME:
                 yield from _numbers(table, name, unit, headers[name].stated, places[name])
@@ -121,9 +121,9 @@ def _trials(table: TextTable, headers: Mapping[str, Header]) -> Iterator[_Trial]
             yield from _dated((name,), first[name], places[name])
 
 
-def _even(table: TextTable, name: str) -> bool:
+def _even(table: Table, name: str) -> bool:
     """Whether the numbers of a column rise from row to row by about the same step."""
-    steps = np.diff(table.values(name)[0])
+    steps = np.diff(table[name].values)
     steps = steps[np.isfinite(steps)]
     return len(steps) > 1 and bool((steps > 0.0).all() and steps.std() < 0.5 * steps.mean())
 
@@ -138,17 +138,17 @@ def _dated(names: tuple[str, ...], cell: str, place: int) -> Iterator[_Trial]:
         yield _Trial(Clock(names, format=form), f"{what} as {cell}", place)
 
 
-def _numbers(table: TextTable, name: str, unit: str, stated: str, place: int) -> Iterator[_Trial]:
+def _numbers(table: Table, name: str, unit: str, stated: str, place: int) -> Iterator[_Trial]:
     if unit in TIME_UNITS:
         yield _Trial(Clock((name,), unit=unit), f"'{name}', {stated}", place)
         return
     if unit:
         return
-    if form := packed_format(pc.cast(table.column(name), pa.string())):
+    if form := packed_format(pc.cast(table[name].raw, pa.string())):
         why = f"'{name}' as {_first(table, name)}, a clock without marks"
         yield _Trial(Clock((name,), format=form), why, place)
         return
-    values = table.values(name)[0]
+    values = table[name].values
     values = values[np.isfinite(values)]
     step = float(np.median(np.diff(values))) if len(values) > 1 else np.nan
     for low, high, epoch in EPOCHS:
@@ -174,10 +174,10 @@ def _unlikely(seconds: Array, speeds: Sequence[Array]) -> float:
     return worst
 
 
-def _first(table: TextTable, name: str) -> str:
+def _first(table: Table, name: str) -> str:
     """The first filled cell below a row of units."""
     try:
-        cells = table.cells(name)
+        cells = table[name].cells
     except InputError:
         return ""
     some = [str(cell) for cell in cells[: MOST_ABOVE + 200].to_pylist() if cell]

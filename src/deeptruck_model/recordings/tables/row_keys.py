@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model._io.reading import plain
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.tables.table_file import TextTable
+from deeptruck_model.recordings.tables.table_file import Column, Table, floats
 
 Array = NDArray[np.float64]
 
@@ -46,36 +46,33 @@ class Key:
         return f"column '{plain(self.column)}' has {len(self.values)} values ({some}{more}){how}"
 
 
-def only(table: TextTable, wanted: Mapping[str, str]) -> TextTable:
+def only(table: Table, wanted: Mapping[str, str]) -> Table:
     """The rows in which the columns have these texts. Raises InputError if there are none."""
     for column, value in wanted.items():
-        cells = pc.cast(table.column(column), pa.string())
-        other = ~pc.fill_null(pc.equal(pc.utf8_trim_whitespace(cells), str(value)), False).to_numpy()
+        cells = table[column].cells
+        other = ~pc.fill_null(pc.equal(cells, str(value)), False).to_numpy()
         if other.all():
-            known = ", ".join(plain(str(v), 40) for v in pc.unique(cells).to_pylist()[:8])
+            known = ", ".join(plain(str(v), 40) for v in pc.unique(cells.drop_null()).to_pylist()[:8])
             raise InputError(f"{table.path}: no row has '{value}' in column '{column}'; there is: {known}")
         table = table.without(other, f"of others than '{value}' in '{column}'")
     return table
 
 
-def key_of(table: TextTable, speeds: Sequence[Array], words: Mapping[str, frozenset[str]]) -> Key | None:
+def key_of(table: Table, speeds: Sequence[Array], words: Mapping[str, frozenset[str]]) -> Key | None:
     """The column that assigns rows to vehicles; None if there is only one vehicle.
 
     `speeds`, each (n,), are columns of a speed; `words` has those of each header. If vehicles alternate, a
     speed varies much less within the rows of one vehicle than from row to row.
     """
-    for name in table.columns:
-        column = table.column(name)
+    for name, column in table.columns.items():
         named = words.get(name, frozenset())
-        number = not pa.types.is_string(column.type) or np.isfinite(table.values(name)[0]).any()
-        if number and not pa.types.is_temporal(column.type) and _measures(table.values(name)[0]):
+        if column.is_temporal or not _names(column, named):
             continue
-        if pa.types.is_temporal(column.type) or (number and not named & (NAMES | NUMBERS)):
-            continue
-        codes = pc.dictionary_encode(pc.fill_null(pc.cast(column, pa.string()), "")).combine_chunks()
-        values, of = codes.dictionary.to_pylist(), codes.indices.to_numpy()
+        codes = pc.dictionary_encode(column.cells).combine_chunks()
+        values, of = codes.dictionary.to_pylist(), codes.indices.fill_null(-1).to_numpy(zero_copy_only=False)
         if not 2 <= len(values) <= min(MOST_KEYS, len(table) // 5):
             continue
+        of = of[of >= 0] if not speeds else of
         changes = int((np.diff(of) != 0).sum())
         key = Key(name, tuple(map(str, values)), changes >= LEAST_CHANGES * len(of))
         if key.interleaved and any(_smoother(of, speed) for speed in speeds):
@@ -85,14 +82,17 @@ def key_of(table: TextTable, speeds: Sequence[Array], words: Mapping[str, frozen
     return None
 
 
-def _measures(values: Array) -> bool:
-    """Whether numbers have fractions, as no number of a vehicle has."""
-    known = values[np.isfinite(values)]
-    return bool((known != np.rint(known)).any())
+def _names(column: Column, named: frozenset[str]) -> bool:
+    """Whether a column may name vehicles: text, or whole numbers under a header that says so."""
+    if column.is_text and not np.isfinite(column.values).any():
+        return True
+    known = column.values[np.isfinite(column.values)]
+    says = bool(named & NUMBERS) or (bool(named) and named <= NAMES)
+    return says and bool((known == np.rint(known)).all())
 
 
 def _smoother(of: NDArray[np.int64], speed: Array) -> bool:
-    known = np.isfinite(speed)
+    known = np.isfinite(speed) & (of >= 0)
     v, of = speed[known], of[known]
     order = np.argsort(of, kind="stable")
     same = np.diff(of[order]) == 0
@@ -111,16 +111,18 @@ def take_turns(speed: Array) -> bool:
     return bool(near > TURNS * max(far, 1e-9) and (signs[1:] == -signs[:-1]).mean() > 0.8)
 
 
-def widened(table: TextTable, name: str, value: str, time: Sequence[str]) -> TextTable:
+def widened(table: Table, name: str, value: str, time: Sequence[str]) -> Table:
     """Converts a table with one value per row to one with a column for each name, blank where a row has
     another.
 
     Consecutive rows with the same `time` (names of columns) become one. The account counts the resulting
     rows, and a remark gives the number of original ones.
     """
-    names = pc.fill_null(pc.cast(table.cells(name), pa.string()), "")
-    stamps = [pc.fill_null(pc.cast(table.column(one), pa.string()), "") for one in time]
+    stamps = [pc.fill_null(pc.cast(table[one].raw, pa.string()), "") for one in time]
     joined = pc.binary_join_element_wise(*stamps, " ") if stamps else None
+    names = pc.fill_null(table[name].cells, "")
+    if joined is not None and (order := _by_time(joined, names)) is not None:
+        table, joined, names = table.take(order), joined.take(pa.array(order)), names.take(pa.array(order))
     fresh = np.ones(len(table), dtype=bool)
     if joined is not None:
         same = joined.combine_chunks()
@@ -130,14 +132,15 @@ def widened(table: TextTable, name: str, value: str, time: Sequence[str]) -> Tex
     again = _again(row, of, len(codes.dictionary))
     row = row if not again.any() else np.cumsum(fresh | again) - 1
     fresh = fresh | again
-    cells = table.cells(value).combine_chunks()
-    first = pa.array(np.flatnonzero(fresh))
-    columns = {one: table.column(one).take(first) for one in table.columns if one not in (name, value)}
+    cells = table[value].cells.combine_chunks()
+    first = np.flatnonzero(fresh)
+    columns = {one: table[one].take(first) for one in table.columns if one not in (name, value)}
     for code, label in enumerate(codes.dictionary.to_pylist()):
         at = np.full(int(fresh.sum()), -1)
         at[row[of == code]] = np.flatnonzero(of == code)
         taken = cells.take(pa.array(at, mask=at < 0))
-        columns[label or "(no name)"] = pa.chunked_array([taken])
+        label = label or "(no name)"
+        columns[label] = Column(label, pa.chunked_array([taken]), table.decimal)
     total = table.account.total
     total.read += len(first) - len(table)
     total.used = len(first)
@@ -145,6 +148,17 @@ def widened(table: TextTable, name: str, value: str, time: Sequence[str]) -> Tex
         f"{len(table)} rows with one value each made {len(first)} of {len(codes.dictionary)} columns"
     )
     return replace(table, columns=columns, rows=table.rows[fresh], repeated=frozenset())
+
+
+def _by_time(stamps: pa.ChunkedArray, names: pa.ChunkedArray) -> NDArray[np.int64] | None:
+    """The order of rows by their stamps, where the rows of each name stand together and begin again; None
+    where they are in that order."""
+    codes = pc.dictionary_encode(names).combine_chunks().indices.to_numpy()
+    if (np.diff(codes) != 0).sum() > LEAST_CHANGES * len(codes):
+        return None
+    numbers = floats(stamps, ".")[0]
+    order = np.argsort(numbers if np.isfinite(numbers).all() else stamps.to_numpy(), kind="stable")
+    return order.astype(np.int64)
 
 
 def _again(row: NDArray[np.int64], of: NDArray[np.int64], names: int) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ Whole numbers and dates stay integers until the first is subtracted: a float res
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -18,8 +19,9 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.tables.columns import DATE_UNITS, TIME_UNITS, Clock
-from deeptruck_model.recordings.tables.table_file import TextTable, floats, shown
+from deeptruck_model.recordings.tables.columns import DATE_UNITS, Clock
+from deeptruck_model.recordings.tables.table_file import Column, Table, shown
+from deeptruck_model.recordings.units import TIME_UNITS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -31,6 +33,7 @@ BACK_S, RETURN_S, APART_S = 1.0, 5.0, 60.0  # as the clocks of CAN logs: see tru
 TRUSTED = 20  # rows behind a jump that make it a new piece
 MOST_BACK = 0.05  # of the rows; where more go back, they are in no order
 COPIED = 20  # rows in a row that make a copy
+LEAST_SERIES = 10  # columns that differ by a number
 SAID = 5  # remarks on one table's clock
 DAY_S, HOUR_S = 86400.0, 3600.0
 INTEGER = r"^[+-]?\d{1,18}$|^[+-]?[1-8]\d{18}$"
@@ -52,7 +55,7 @@ USUAL = (  # formats that are proposed where one of them fits
 )  # fmt: skip
 
 
-def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array, list[float]]:
+def timed(table: Table, clock: Clock) -> tuple[Table, Array, list[float]]:
     """The rows that have a time, their times in s since the first, (n,), ascending, and the starts of pieces.
 
     Where the clock goes back permanently (a new trip, a clock that was set, the autumn change of time) a new
@@ -64,14 +67,15 @@ def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array, list[float]
         raise InputError(f"{table.path} has one row; a recording needs at least two")
     if not clock.columns:
         return table, np.arange(len(table)) / clock.rate_hz, []
+    others = [name for name in table.columns if name not in clock.columns]
+    table = table.without(~table.filled(others), "with a time and nothing else")
     table = table.without(copies(table, clock), "that repeat earlier rows")
+    table = _merged(table, clock)
     seconds = _seconds(table, clock)
     known = ~np.isnan(seconds)
     lost = int(np.argmax(~known))
-    wrong = table.cells(clock.columns[0])[lost].as_py()
-    advice = (
-        f" with {shown(wrong)}{_advice(clock, _joined(table, clock)[lost], table.decimal)}" if wrong else ""
-    )
+    wrong = table[clock.columns[0]].cells[lost].as_py()
+    advice = f" with {shown(wrong)}{_advice(clock, _joined(table, clock)[lost])}" if wrong else ""
     table, seconds = table.with_key(known, "time", clock.columns, advice), seconds[known]
     if len(table) < 2:
         raise InputError(f"{table.path} has one row; a recording needs at least two")
@@ -87,7 +91,7 @@ def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array, list[float]
     if usual > LONGEST_S and (clock.format or clock.unit not in TIME_UNITS):
         raise InputError(
             f"{table.path}: rows are {usual:g} s apart, which is too coarse: a truck speeds up and brakes in "
-            f"seconds; export it at 1 Hz or faster (at most {LONGEST_S:g} s apart)"
+            f"seconds; {_beside_one_another(table, usual)}"
         )
     if not SHORTEST_S <= usual <= LONGEST_S:
         raise InputError(
@@ -98,7 +102,21 @@ def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array, list[float]
     return _in_pieces(table, time, usual)
 
 
-def copies(table: TextTable, clock: Clock) -> Mask:
+def _beside_one_another(table: Table, apart_s: float) -> str:
+    """What to do about rows too far apart: where each has a series of values, these have times of their
+    own."""
+    stems = Counter(re.sub(r"\d+\D*$", "", name) for name in table.columns if re.search(r"\d", name))
+    stem, count = max(stems.items(), key=lambda one: one[1], default=("", 0))
+    if count < LEAST_SERIES:
+        return f"export it at 1 Hz or faster (at most {LONGEST_S:g} s apart)"
+    names = [name for name in table.columns if re.sub(r"\d+\D*$", "", name) == stem]
+    return (
+        f"each row has {count} values, '{names[0]}' to '{names[-1]}', {apart_s / count:.3g} s apart: write "
+        "each in a row of its own, with its own time"
+    )
+
+
+def copies(table: Table, clock: Clock) -> Mask:
     """Rows (n,) that are written again: COPIED rows and more in the order of earlier ones, or every row.
 
     Equal rows of a truck that stands, under a clock in whole seconds, are no copies.
@@ -116,17 +134,41 @@ def copies(table: TextTable, clock: Clock) -> Mask:
     return found
 
 
-def _codes(table: TextTable, names: Sequence[str]) -> NDArray[np.int64]:
+def _merged(table: Table, clock: Clock) -> Table:
+    """The table with rows of one stamp made one, where each fills columns that the others leave blank, as
+    when a table was put together from several sensors."""
+    stamps = _codes(table, clock.columns)
+    fresh = np.diff(stamps, prepend=-1) != 0
+    if fresh.all():
+        return table
+    of = np.cumsum(fresh) - 1
+    count = int(of[-1]) + 1
+    taken: dict[str, Column] = {}
+    for name, column in table.columns.items():
+        filled = pc.is_valid(column.cells if column.is_text else column.raw).to_numpy()
+        if name not in clock.columns and (np.bincount(of[filled], minlength=count) > 1).any():
+            return table
+        row = np.full(count, -1)
+        row[of[filled][::-1]] = np.flatnonzero(filled)[::-1]
+        taken[name] = Column(name, column.raw.take(pa.array(row, mask=row < 0)), column.mark)
+    table.account.total.set_aside(
+        "merged with one of the same time that fills other columns", count=len(of) - count
+    )
+    table.account.total.used = count
+    return replace(table, columns=taken, rows=table.rows[fresh])
+
+
+def _codes(table: Table, names: Sequence[str]) -> NDArray[np.int64]:
     """A number for the cells of each row, (n,), from 0 on; equal rows have equal ones."""
     codes = np.zeros(len(table), dtype=np.int64)
     for name in names:
-        cells = pc.dictionary_encode(table.column(name), null_encoding="encode").combine_chunks()
+        cells = pc.dictionary_encode(table[name].raw, null_encoding="encode").combine_chunks()
         codes = codes * len(cells.dictionary) + cells.indices.to_numpy()
         codes = np.unique(codes, return_inverse=True)[1]
     return codes
 
 
-def _without_outliers(table: TextTable, time: Array) -> tuple[TextTable, Array]:
+def _without_outliers(table: Table, time: Array) -> tuple[Table, Array]:
     """The table without the few rows with stamps far from their neighbours, after which time continues as
     before."""
     outlier = np.zeros(len(time), dtype=bool)
@@ -139,7 +181,7 @@ def _without_outliers(table: TextTable, time: Array) -> tuple[TextTable, Array]:
     return table.without(outlier, "stamped far off their neighbours"), time[~outlier]
 
 
-def _in_pieces(table: TextTable, time: Array, usual: float) -> tuple[TextTable, Array, list[float]]:
+def _in_pieces(table: Table, time: Array, usual: float) -> tuple[Table, Array, list[float]]:
     back = np.flatnonzero(np.diff(time) < -BACK_S) + 1
     if len(back) > max(1, MOST_BACK * len(time)):
         raise InputError(
@@ -167,13 +209,12 @@ def _in_pieces(table: TextTable, time: Array, usual: float) -> tuple[TextTable, 
         behind = float(shifted[i:j].max())
     if swapped := int((np.diff(time) < 0).sum()) - len(back):
         table.account.remarks.append(f"{swapped} rows put back in the order of their times")
-        columns = {name: column.take(pa.array(order)) for name, column in table.columns.items()}
-        table, shifted = replace(table, columns=columns, rows=table.rows[order]), shifted[order]
+        table, shifted = table.take(order), shifted[order]
     doubled = np.append(np.diff(shifted) <= 0.0, False)
     return table.without(doubled, "with a repeated time"), shifted[~doubled], starts
 
 
-def _check_whole_stamps(table: TextTable, time: Array, name: str, clock: Clock) -> None:
+def _check_whole_stamps(table: Table, time: Array, name: str, clock: Clock) -> None:
     """Raises InputError if several rows share each stamp, because the log is faster than its clock."""
     starts = np.flatnonzero(np.r_[True, np.diff(time) != 0])
     if len(time) <= 1.5 * len(starts) or (np.diff(time) < 0).any():
@@ -201,9 +242,9 @@ def _check_whole_stamps(table: TextTable, time: Array, name: str, clock: Clock) 
     )
 
 
-def _seconds(table: TextTable, clock: Clock) -> Array:
+def _seconds(table: Table, clock: Clock) -> Array:
     """Times (n,) in s relative to some row, NaN if a row has none. Raises InputError if no row has one."""
-    column = table.column(clock.columns[0])
+    column = table[clock.columns[0]].raw
     kind = column.type
     if len(clock.columns) == 1 and not pa.types.is_string(kind):
         if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
@@ -225,9 +266,9 @@ def _seconds(table: TextTable, clock: Clock) -> Array:
     )
 
 
-def _joined(table: TextTable, clock: Clock) -> pa.ChunkedArray:
+def _joined(table: Table, clock: Clock) -> pa.ChunkedArray:
     """The time's cells as text; those of two columns joined by a blank."""
-    cells = [table.cells(name) for name in clock.columns]
+    cells = [table[name].cells for name in clock.columns]
     return cells[0] if len(cells) == 1 else pc.binary_join_element_wise(*cells, " ")
 
 
@@ -241,7 +282,7 @@ def _since_first(ticks: pa.ChunkedArray, tick_s: float) -> Array:
         return np.where(known, (whole - whole[known][0]).astype(np.float64) * tick_s, np.nan)
 
 
-def _of_numbers(table: TextTable, clock: Clock, column: pa.ChunkedArray) -> Array:
+def _of_numbers(table: Table, clock: Clock, column: pa.ChunkedArray) -> Array:
     """Times from a Parquet file's numbers."""
     scale = TIME_UNITS[clock.unit]
     try:
@@ -261,10 +302,10 @@ def _scaled(values: Array, scale: float) -> Array:
     return np.where(known, (values - first) * scale, np.nan)
 
 
-def _of_texts(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
+def _of_texts(table: Table, clock: Clock, cells: pa.ChunkedArray) -> Array:
     """Times from numbers as text: integers where whole, floats otherwise."""
     scale = TIME_UNITS[clock.unit]
-    values, unreadable = floats(cells, table.decimal)
+    values, unreadable = table[clock.columns[0]].values, table[clock.columns[0]].unreadable
     if np.isnan(values).all():
         raise _none(table, clock, cells, unreadable)
     whole = pc.fill_null(pc.match_substring_regex(cells, INTEGER), False)
@@ -273,7 +314,7 @@ def _of_texts(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
     return _scaled(values, scale)
 
 
-def _of_iso(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
+def _of_iso(table: Table, clock: Clock, cells: pa.ChunkedArray) -> Array:
     """Times from ISO 8601 dates, also with slashes, dots and single digits, or from times of day."""
     first = cells.drop_null()[0].as_py()
     if OF_DAY.fullmatch(first):
@@ -287,7 +328,7 @@ def _of_iso(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
     return _parsed(table, clock, cells, _ticks_of_date)
 
 
-def _of_format(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
+def _of_format(table: Table, clock: Clock, cells: pa.ChunkedArray) -> Array:
     form = str(clock.format)
 
     def ticks(cell: str) -> int | None:
@@ -302,9 +343,7 @@ def _of_format(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
     return _over_midnight(table, seconds, DAY_S if re.search(r"%[HIXT]", form) else HOUR_S)
 
 
-def _parsed(
-    table: TextTable, clock: Clock, cells: pa.ChunkedArray, ticks: Callable[[str], int | None]
-) -> Array:
+def _parsed(table: Table, clock: Clock, cells: pa.ChunkedArray, ticks: Callable[[str], int | None]) -> Array:
     """Times of cells by a function that returns ns."""
     found = pa.chunked_array(
         [[None if cell is None else ticks(cell) for cell in cells.to_pylist()]], pa.int64()
@@ -314,7 +353,7 @@ def _parsed(
     return _since_first(found, TICKS_S["ns"])
 
 
-def _over_midnight(table: TextTable, seconds: Array, period_s: float) -> Array:
+def _over_midnight(table: Table, seconds: Array, period_s: float) -> Array:
     """Times of day with a day (or hour) added at each decrease by more than half of one; noted in the
     account."""
     known = np.flatnonzero(~np.isnan(seconds))
@@ -392,9 +431,7 @@ def usual_formats(cell: str) -> list[str]:
     return [form for form in USUAL if _fits(cell, form)]
 
 
-def _none(
-    table: TextTable, clock: Clock, cells: pa.ChunkedArray, unreadable: NDArray[np.bool_]
-) -> InputError:
+def _none(table: Table, clock: Clock, cells: pa.ChunkedArray, unreadable: NDArray[np.bool_]) -> InputError:
     """The error that no cell is a time, with the first cell and the key to set."""
     at = int(np.argmax(unreadable))
     cell = cells[at]
@@ -402,20 +439,13 @@ def _none(
     name = " and ".join(f"'{column}'" for column in clock.columns)
     return InputError(
         f"{table.path}: no cell of {name} is a time of {wanted}; the first is {shown(cell)} in "
-        f"{table.at(at)}{_advice(clock, cell, table.decimal)}"
+        f"{table.at(at)}{_advice(clock, cell)}"
     )
 
 
-def _advice(clock: Clock, scalar: pa.Scalar, decimal: str) -> str:
+def _advice(clock: Clock, scalar: pa.Scalar) -> str:
     """The keys that read such a cell."""
     cell = str(scalar.as_py())
-    if (
-        clock.unit in TIME_UNITS
-        and not clock.format
-        and re.fullmatch(r"[+-]?\d+,\d+", cell)
-        and decimal == "."
-    ):
-        return '; set decimal: ","'
     column = clock.columns[0] if len(clock.columns) == 1 else f"[{', '.join(clock.columns)}]"
     if OF_DAY.fullmatch(cell) or is_iso(cell):
         keys = ["unit: iso"] if clock.unit.lower() not in DATE_UNITS or clock.format else []

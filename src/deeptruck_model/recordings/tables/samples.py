@@ -18,7 +18,7 @@ from deeptruck_model.recordings.tables.csv_text import RAGGED
 from deeptruck_model.recordings.tables.header_words import fits, header, sibling, spelled
 from deeptruck_model.recordings.tables.row_keys import key_of, only, take_turns, widened
 from deeptruck_model.recordings.tables.row_times import timed
-from deeptruck_model.recordings.tables.table_file import TextTable, read_table
+from deeptruck_model.recordings.tables.table_file import Table, read_table
 from deeptruck_model.recordings.topic_map import Source
 from deeptruck_model.recordings.units import conversion
 
@@ -54,10 +54,10 @@ def read_samples(path: Path, meaning: Columns) -> Samples:
         table = widened(table, *meaning.pivot, meaning.time.columns)
     table = only(table, meaning.only)
     for name in meaning.time.columns:
-        table.column(name)
+        _ = table[name]
     headers = {name: header(name) for name in table.columns}
     if not meaning.only:
-        speeds = [table.values(meaning.channels["speed"].field)[0]]
+        speeds = [table[meaning.channels["speed"].field].values]
         if key := key_of(table, speeds, {name: one.words for name, one in headers.items()}):
             raise InputError(f"{path}: {key}: take one by {key.line}")
         if take_turns(speeds[0]):
@@ -77,12 +77,12 @@ def read_samples(path: Path, meaning: Columns) -> Samples:
     return Samples(time, values, begins, table.account, table.at)
 
 
-def _check_pedals(table: TextTable, meaning: Columns) -> None:
+def _check_pedals(table: Table, meaning: Columns) -> None:
     """Raises InputError if one column is given for both commands, drives above zero and brakes below."""
     engine, brake = (meaning.channels.get(name) for name in HELD)
     if engine is None or brake is None or engine.field != brake.field or engine.part or brake.part:
         return
-    raw = table.values(engine.field)[0]
+    raw = table[engine.field].values
     if np.nanmin(raw) < 0.0 < np.nanmax(raw):
         raise InputError(
             f"{table.path}: '{engine.field}' drives above zero and brakes below: give engine_command "
@@ -90,21 +90,21 @@ def _check_pedals(table: TextTable, meaning: Columns) -> None:
         )
 
 
-def _values(table: TextTable, channel: str, column: Source) -> Array:
+def _values(table: Table, channel: str, column: Source) -> Array:
     """The channel (n,) in its canonical unit. Raises InputError for cells of another unit, and for one
     component of a velocity in place of the whole."""
     values = table.numbers(column.field, channel)
     if column.across:
         values = np.hypot(values, table.numbers(column.across, channel))
     elif channel == "speed" and (other := sibling(column.field, table.columns)):
-        sideways = column(table.values(other)[0])
+        sideways = column(table[other].values)
         if np.isfinite(sideways).any() and (rms := float(np.sqrt(np.nanmean(sideways**2)))) > SIDEWAYS:
             raise InputError(
                 f"{table.path}: '{column.field}' is given for speed, but '{other}' moves too "
                 f"({rms:.1f} m/s): it is one component; take the norm of both by "
                 f"'column: [{column.field}, {other}]'"
             )
-    written = spelled(table.unit_in_cells(column.field), column.field)
+    written = spelled(table[column.field].unit, column.field)
     if written and fits(channel, written) and conversion(channel, written) != column.convert:
         raise InputError(
             f"{table.path}: cells of '{column.field}' are in {written}, and COLUMNS has another unit for "

@@ -1,6 +1,6 @@
-"""Reads columns from a CSV or Parquet file, with an account of every row and cell that is not used.
+"""The one reader of tables: every row and column of a CSV, Parquet or MAT file, parsed once.
 
-The only reader of tables: recordings use it, and `curve_file` for leaders and roads.
+Recordings use it, and `curve_file` for leaders and roads. The account has each row and cell that is not used.
 """
 
 from __future__ import annotations
@@ -8,10 +8,10 @@ from __future__ import annotations
 import csv as text_csv
 import difflib
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -21,25 +21,32 @@ from pyarrow import parquet
 
 from deeptruck_model._io import reading
 from deeptruck_model._io.account import Account
+from deeptruck_model._io.formats import PARQUET
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import units
+from deeptruck_model.recordings.tables import mat_file
 from deeptruck_model.recordings.tables.csv_text import BLANK, SAMPLED, CsvText, Format
+from deeptruck_model.recordings.tables.header_words import spelled
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-PARQUET, MAT = (".parquet", ".pq"), ".mat"
-MOST_IN_A_MATRIX = 64  # columns of a MAT file's matrix
 SHOWN = 12  # columns that an error lists
 MOST_ABOVE, MOST_BELOW = 3, 10  # rows of units above the numbers, of totals below them
 MOST_WITHOUT_KEY = 0.1  # of the rows; where more have no time, the column or its unit is mistaken
+LOOKED_AT = 5000  # rows by which the decimal mark is found
 NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
 WITH_UNIT = r"^(?P<number>[+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\d\s.,:/+-]\D*\d?)$"
+IN_UNITS = 0.9  # of the filled cells; fewer with a unit behind their number are notes
 STATES = {  # words of switches
     **dict.fromkeys(("true", "on", "yes", "pressed", "active", "ein", "an", "ja", "wahr"), 1.0),
     **dict.fromkeys(("false", "off", "no", "released", "inactive", "aus", "nein", "falsch"), 0.0),
 }
 GEARS = {"n": 0.0, "neutral": 0.0, "r": -1.0, "reverse": -1.0}  # letters of gears that are numbers, too
+MOST_GEARS = 24
 _WITH_MARK = {mark: rf"^[+-]?\d*[{mark}]\d+([eE][+-]?\d+)?$" for mark in ",."}
+_GROUPED = r"^\s*[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?\s*$"  # 1,300 and 1,300.5
+_THOUSANDS = r"^[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"
 LABELS = {  # in a cell of a row that sums up those above it
     "total", "totals", "sum", "mean", "average", "avg", "min", "max", "minimum", "maximum", "median", "std",
     "stdev", "count", "summe", "gesamt", "mittel", "mittelwert", "durchschnitt", "minimalwert", "maximalwert",
@@ -51,15 +58,130 @@ BELOW = "of totals or text below the numbers"
 
 
 @dataclass(frozen=True)
-class TextTable:
-    """Columns by name (blanks around names ignored), with cells as in the file.
+class Parsed:
+    """The numbers of a column (n,), NaN for blank cells and text; which rows (n,) are such text; and the unit
+    written behind the numbers, '' if there is none."""
+
+    values: Array
+    unreadable: Mask
+    unit: str = ""
+
+
+class Column:
+    """One column, parsed at its first use: decimal mark, thousands, units in cells, states and gears.
+
+    `raw` (n,) are the cells as in the file; `mark` is the table's decimal mark, and `pointed` says that other
+    columns have decimal points, so that commas in this one separate thousands.
+    """
+
+    def __init__(self, name: str, raw: pa.ChunkedArray, mark: str = ".", *, pointed: bool = False) -> None:
+        self.name, self.raw, self.mark, self.pointed = name, raw, mark, pointed
+
+    @property
+    def is_text(self) -> bool:
+        """Whether it has cells of text, as all columns of CSV have."""
+        return bool(pa.types.is_string(self.raw.type))
+
+    @property
+    def is_temporal(self) -> bool:
+        """Whether it has a type of time, as columns of Parquet may have."""
+        return bool(pa.types.is_temporal(self.raw.type))
+
+    @cached_property
+    def cells(self) -> pa.ChunkedArray:
+        """Text without surrounding blanks, null if empty."""
+        try:
+            cells = pc.utf8_trim_whitespace(pc.cast(self.raw, pa.string()))
+        except pa.ArrowException:
+            raise InputError(
+                f"column '{self.name}' of type {self.raw.type} holds no text or numbers"
+            ) from None
+        return pc.if_else(pc.equal(cells, ""), pa.scalar(None, pa.string()), cells)
+
+    @property
+    def values(self) -> Array:
+        """The numbers (n,), NaN for blank cells and text."""
+        return self._parsed.values
+
+    @property
+    def unreadable(self) -> Mask:
+        """Which rows (n,) have text that is no number."""
+        return self._parsed.unreadable
+
+    @property
+    def unit(self) -> str:
+        """The unit behind the numbers of its cells, as in '54 km/h'; '' if there is none."""
+        return self._parsed.unit
+
+    @cached_property
+    def _parsed(self) -> Parsed:
+        if not self.is_text:
+            try:
+                numbers = pc.cast(self.raw, pa.float64(), safe=False).fill_null(np.nan).to_numpy()
+            except pa.ArrowException:
+                raise InputError(f"column '{self.name}' of type {self.raw.type} holds no numbers") from None
+            return Parsed(numbers.astype(np.float64), np.zeros(len(numbers), dtype=bool))
+        values, unreadable = floats(self.cells, self.mark)
+        if unreadable.any() and self.mark == "." and self.pointed and self._grouped():
+            values, unreadable = floats(pc.replace_substring(self.cells, ",", ""), self.mark)
+        if not unreadable.any():
+            return Parsed(values, unreadable)
+        return self._with_units() or self._with_words(values, unreadable)
+
+    def _grouped(self) -> bool:
+        """Whether all commas are as in 1,300."""
+        commas = pc.match_substring(self.cells, ",")
+        return bool(pc.all(pc.equal(commas, pc.match_substring_regex(self.cells, _GROUPED))).as_py())
+
+    def _with_units(self) -> Parsed | None:
+        """Numbers with their unit behind them, each cell read in its own and given in the most frequent one;
+        None if nearly all cells have no unit."""
+        parts = pc.extract_regex(self.cells, WITH_UNIT)
+        written = pc.dictionary_encode(pc.struct_field(parts, "unit")).combine_chunks()
+        of = written.indices.fill_null(-1).to_numpy(zero_copy_only=False)
+        if (of >= 0).sum() <= IN_UNITS * pc.sum(pc.is_valid(self.cells)).as_py():
+            return None
+        names = written.dictionary.to_pylist()
+        usual = names[int(np.argmax(np.bincount(of[of >= 0])))]
+        values, unreadable = floats(pc.coalesce(pc.struct_field(parts, "number"), self.cells), self.mark)
+        for code, name in enumerate(names):
+            into = units.between(spelled(name, self.name), spelled(usual, self.name))
+            if name != usual and into is not None:
+                values = np.where(of == code, into[0] * values + into[1], values)
+            elif name != usual and (of == code).mean() > 0:
+                unreadable = unreadable | (of == code)
+        return Parsed(np.where(unreadable, np.nan, values), unreadable, usual)
+
+    def _with_words(self, values: Array, unreadable: Mask) -> Parsed:
+        """Words of switches as 1 and 0 in a column without numbers, and letters of gears beside numbers of
+        gears."""
+        known = values[np.isfinite(values)]
+        gears = bool((known == np.rint(known)).all() and np.abs(known).max(initial=0.0) <= MOST_GEARS)
+        words = STATES | GEARS if not len(known) else GEARS if gears else {}
+        index = pc.index_in(pc.utf8_lower(self.cells), pa.array([*words], pa.string()))
+        found = pc.is_valid(index).to_numpy()
+        of = pc.take(pa.array([*words.values()], pa.float64()), index.combine_chunks())
+        numbers = of.fill_null(np.nan).to_numpy(zero_copy_only=False)
+        return Parsed(np.where(found, numbers, values), unreadable & ~found)
+
+    def take(self, rows: NDArray[np.int64]) -> Column:
+        """The column with these of its rows; what was parsed stays."""
+        other = Column(self.name, self.raw.take(pa.array(rows)), self.mark, pointed=self.pointed)
+        if parsed := self.__dict__.get("_parsed"):
+            other.__dict__["_parsed"] = Parsed(parsed.values[rows], parsed.unreadable[rows], parsed.unit)
+        return other
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns by name (blanks around names ignored).
 
     `rows` (n,) are the row numbers in the file, from 0 below the header; `place` describes one of them, such
     as 'line 7'. `account` counts the rows read, kept and omitted.
     """
 
     path: Path
-    columns: dict[str, pa.ChunkedArray]
+    columns: dict[str, Column]
     rows: NDArray[np.int64]
     place: Callable[[int], str]
     account: Account
@@ -73,7 +195,7 @@ class TextTable:
         """Description of a row's place in the file."""
         return self.place(int(self.rows[row]))
 
-    def column(self, name: str) -> pa.ChunkedArray:
+    def __getitem__(self, name: str) -> Column:
         """One column. Raises InputError with the nearest names if there is none."""
         name = name if name in self.columns else name.strip()
         if name in self.columns:
@@ -91,131 +213,65 @@ class TextTable:
     def _header(self, name: str) -> str:
         """Advice if the name occurs in a row below the one that was taken for the header."""
         for row in range(min(len(self), 2 * SAMPLED)):
-            if any(str(column[row]).strip() == name for column in self.columns.values()):
+            if any(str(column.raw[row]).strip() == name for column in self.columns.values()):
                 return f"; '{name}' stands in {self.at(row)}: skip the lines before it by 'skip_rows'"
         return ""
-
-    def cells(self, name: str) -> pa.ChunkedArray:
-        """A column as text without surrounding blanks, null if empty."""
-        column = self.column(name)
-        try:
-            cells = pc.utf8_trim_whitespace(pc.cast(column, pa.string()))
-        except pa.ArrowException:
-            raise InputError(
-                f"{self.path}: column '{name}' of type {column.type} holds no text or numbers"
-            ) from None
-        return pc.if_else(pc.equal(cells, ""), pa.scalar(None, pa.string()), cells)
-
-    def values(self, name: str) -> tuple[Array, Mask]:
-        """A column as float64 (n,), with NaN for blank cells and for text, and which rows (n,) are
-        such text."""
-        column = self.column(name)
-        if pa.types.is_string(column.type):
-            cells = self.cells(name)
-            values, unreadable = floats(cells, self.decimal)
-            if unreadable.any() and self._has_thousands(name):
-                values, unreadable = floats(pc.replace_substring(cells, ",", ""), self.decimal)
-            if unreadable.any() and (self.unit_in_cells(name) or not np.isfinite(values).any()):
-                return self._beside_numbers(cells)
-            return values, unreadable
-        try:
-            numbers = pc.cast(column, pa.float64(), safe=False).fill_null(np.nan).to_numpy()
-        except pa.ArrowException:
-            raise InputError(f"{self.path}: column '{name}' of type {column.type} holds no numbers") from None
-        return numbers.astype(np.float64), np.zeros(len(numbers), dtype=bool)
-
-    def _has_thousands(self, name: str) -> bool:
-        """Whether commas in a column can only separate thousands: its cells are as '1,300', and another
-        column has a decimal point."""
-        cells = self.cells(name)
-        commas = pc.match_substring(cells, ",")
-        grouped = pc.match_substring_regex(cells, _GROUPED)
-        if self.decimal != "." or not pc.all(pc.equal(commas, grouped)).as_py():
-            return False
-        texts = [c for other, c in self.columns.items() if other != name and pa.types.is_string(c.type)]
-        return any(pc.any(pc.match_substring_regex(c, r"^\s*[-+]?\d+\.\d+\s*$")).as_py() for c in texts)
-
-    def unit_in_cells(self, name: str) -> str:
-        """The unit after the numbers in nearly all cells of a column, as in '54 km/h'; '' if there is
-        none."""
-        if not pa.types.is_string(self.column(name).type):
-            return ""
-        filled = self.cells(name).drop_null()
-        parts = pc.extract_regex(filled, WITH_UNIT).drop_null()
-        units = pc.value_counts(pc.struct_field(parts, "unit")).to_pylist() if len(parts) else []
-        count, unit = max(((int(one["counts"]), str(one["values"])) for one in units), default=(0, ""))
-        return unit if count > 0.9 * len(filled) else ""
-
-    def _beside_numbers(self, cells: pa.ChunkedArray) -> tuple[Array, Mask]:
-        """Numbers followed by their unit, and words of switches as 1 and 0."""
-        words = pc.utf8_lower(cells)
-        states = pa.array([*STATES]), pa.array([*STATES.values()])
-        index = pc.index_in(words, states[0])
-        known = pc.is_valid(index)
-        number = pc.struct_field(pc.extract_regex(cells, WITH_UNIT), "number")
-        values, unreadable = floats(pc.coalesce(number, cells), self.decimal)
-        of_words = pc.take(states[1], index.combine_chunks()).fill_null(np.nan).to_numpy(zero_copy_only=False)
-        return np.where(known.to_numpy(), of_words, values), unreadable & ~known.to_numpy()
 
     def numbers(self, name: str, channel: str | None = None) -> Array:
         """A column as float64 (n,), NaN for cells that are blank or not numbers.
 
         The account counts the filled cells under `channel` (the column's name if None). Raises InputError if
-        no cell is a number, or if most others would be numbers with the other decimal mark.
+        no cell is a number.
         """
-        values, unreadable = self.values(name)
-        if channel == "gear" and unreadable.any():
-            for row in np.flatnonzero(unreadable):
-                letter = str(self.cells(name)[int(row)]).lower()
-                values[row], unreadable[row] = GEARS.get(letter, np.nan), letter not in GEARS
+        column = self[name]
+        values, unreadable = column.values, column.unreadable
         tally = self.account.channel(channel or name)
         tally.read += int((~np.isnan(values)).sum() + unreadable.sum())
         tally.used += int((~np.isnan(values)).sum())
         if unreadable.any():
             first = int(np.argmax(unreadable))
-            cell = shown(self.cells(name)[first])
+            cell = shown(column.cells[first])
             tally.set_aside("no number", f"{cell} in {self.at(first)}", int(unreadable.sum()))
             if np.isnan(values).all():
                 raise InputError(
-                    f"{self.path}: column '{name}' holds no numbers; its first is {cell}"
-                    f"{self._by_other_mark(name, unreadable) or f' in {self.at(first)}'}"
-                )
-            if says := self._by_other_mark(name, unreadable):
-                raise InputError(
-                    f"{self.path}: {unreadable.sum()} cells of '{name}' are no numbers, first {cell} in "
-                    f"{self.at(first)}{says}"
+                    f"{self.path}: column '{name}' holds no numbers; its first is {cell} in {self.at(first)}"
                 )
         if np.isnan(values).all():
             raise InputError(f"{self.path}: column '{name}' holds no numbers; all its cells are blank")
         return values
 
-    def _by_other_mark(self, name: str, unreadable: Mask) -> str:
-        """Advice if most unreadable cells are numbers with the other decimal mark."""
-        other = "," if self.decimal == "." else "."
-        cells = self.cells(name).filter(pa.array(unreadable))
-        if 2 * np.isfinite(floats(cells, other)[0]).sum() <= len(cells):
-            return ""
-        return f': set decimal: "{other}"'
+    def take(self, rows: NDArray[np.int64]) -> Table:
+        """The table with these of its rows, in this order."""
+        columns = {name: column.take(rows) for name, column in self.columns.items()}
+        return replace(self, columns=columns, rows=self.rows[rows])
 
-    def without(self, out: Mask, reason: str, first: str = "") -> TextTable:
+    def without(self, out: Mask, reason: str, first: str = "") -> Table:
         """The table without the rows `out` (n,), which the account counts as omitted for a reason."""
         if not out.any():
             return self
         at = int(np.argmax(out))
         self.account.total.set_aside(reason, f"{self.at(at)}{first}", int(out.sum()))
-        kept = pa.array(~out)
-        columns = {name: column.filter(kept) for name, column in self.columns.items()}
-        left = replace(self, columns=columns, rows=self.rows[~out])
+        left = self.take(np.flatnonzero(~out))
         self.account.total.used = len(left)
         return left
 
-    def below_units(self, name: str) -> TextTable:
+    def below_units(self, name: str) -> Table:
         """The table without its first few rows if these have text in a column of numbers."""
-        unreadable = self.values(name)[1]
+        unreadable = self[name].unreadable
         above = np.arange(len(self)) < (len(self) if unreadable.all() else int(np.argmin(unreadable)))
         return self.without(above, ABOVE) if above.sum() <= MOST_ABOVE else self
 
-    def with_key(self, known: Mask, what: str, names: Sequence[str], advice: str = "") -> TextTable:
+    def filled(self, names: Sequence[str]) -> Mask:
+        """Which rows (n,) have a cell in one of these columns."""
+        found = np.zeros(len(self), dtype=bool)
+        for name in names:
+            column = self.columns[name]
+            found |= pc.is_valid(column.cells if column.is_text else column.raw).to_numpy()
+            if found.all():
+                break
+        return found
+
+    def with_key(self, known: Mask, what: str, names: Sequence[str], advice: str = "") -> Table:
         """The rows that have a time or distance, marked by `known` (n,).
 
         A few rows above the first are units, and a few below the last are totals. Raises InputError, ending
@@ -225,9 +281,7 @@ class TextTable:
             return self
         place = np.arange(len(known))
         first, last = (int(place[known][0]), int(place[known][-1])) if known.any() else (len(known), -1)
-        filled = np.zeros(len(known), dtype=bool)
-        for name in names:
-            filled |= pc.is_valid(self.cells(name)).to_numpy()
+        filled = self.filled([name for name in names if name in self.columns])
         above = (place < first) & filled & (first <= MOST_ABOVE)
         below = (place > last) & filled & (len(known) - 1 - last <= MOST_BELOW) & known.any()
         lost = ~known & ~above & ~below
@@ -248,7 +302,7 @@ def read_table(
     path: Path,
     form: Format | None = None,
     cure: str = "set 'delimiter', or 'skip_rows' where the header comes later",
-) -> TextTable:
+) -> Table:
     """A CSV file or, by its suffix, a Parquet or MAT file, in a format (see Format).
 
     A byte order mark overrides the encoding. Trailing delimiters of rows or the header are no columns; blank
@@ -260,27 +314,39 @@ def read_table(
     form = form or Format()
     check_table(path)
     account = Account(str(path), "rows")
-    place: Callable[[int], str] = _parquet_row
+    place: Callable[[int], str] = _typed_row
+    delimiter = ""
     try:
         if is_typed(path):
-            table, left_out = _mat(path) if path.suffix.lower() == MAT else (_parquet(path), [])
-            if left_out:
-                account.remarks.append(f"of another length than the others, left out: {', '.join(left_out)}")
+            if path.suffix.lower() in PARQUET or path.is_dir():
+                table = parquet.read_table(path, page_checksum_verification=True)
+            else:
+                table, remarks = mat_file.read(path)
+                account.remarks += remarks
             names = list(table.column_names)
             account.total.read = table.num_rows
             rows = np.arange(table.num_rows)
         else:
-            table, names, rows, place = CsvText(path, form, account).read(cure)
+            text = CsvText(path, form, account)
+            table, names, rows, place = text.read(cure)
+            delimiter = text.delimiter
     except (pa.ArrowException, UnicodeError, LookupError, OSError, text_csv.Error, EOFError) as error:
         raise InputError(f"{path} cannot be read: {_why(error, form.encoding)}") from None
     account.total.used = table.num_rows
     names = [name.strip() for name in names]
-    columns: dict[str, pa.ChunkedArray] = {}
+    plain: dict[str, pa.ChunkedArray] = {}
     for name, column in zip(names, table.columns, strict=True):
-        columns.setdefault(name, _plain_type(column))
-    repeated = frozenset(name for name in columns if name and names.count(name) > 1)
-    found = TextTable(path, columns, rows, place, account, form.decimal, repeated)
-    for out, reason in ((_blank, BLANK), (_repeats_header, HEADER), (_sums_up, BELOW)):
+        plain.setdefault(name, _plain_type(column))
+    repeated = frozenset(name for name in plain if name and names.count(name) > 1)
+    decimal = form.decimal or _decimal_mark([*plain.values()], delimiter)
+    points = [name for name, raw in plain.items() if decimal == "." and _has_mark(raw, ".")]
+    columns = {
+        name: Column(name, raw, decimal, pointed=bool(points) and points != [name])
+        for name, raw in plain.items()
+    }
+    found = Table(path, columns, rows, place, account, decimal, repeated)
+    found = found.without(~found.filled([*columns]), BLANK)
+    for out, reason in ((_repeats_header, HEADER), (_sums_up, BELOW)):
         if len(found):
             found = found.without(out(found), reason)
     if not len(found):
@@ -290,7 +356,7 @@ def read_table(
 
 def is_typed(path: Path) -> bool:
     """Whether a table has types and no text: Parquet, also in parts below a folder, or MAT."""
-    return path.suffix.lower() in (*PARQUET, MAT) or path.is_dir()
+    return path.suffix.lower() in (*PARQUET, mat_file.SUFFIX) or path.is_dir()
 
 
 def in_parts(path: Path) -> bool:
@@ -302,72 +368,6 @@ def check_table(path: Path) -> None:
     """Raises InputError if there is no file that can be a table, nor a folder of its parts."""
     if not in_parts(path):
         reading.check_file(path, "give a CSV or Parquet table")
-
-
-def _parquet(path: Path) -> pa.Table:
-    return parquet.read_table(path, page_checksum_verification=True)
-
-
-def _mat(path: Path) -> tuple[pa.Table, list[str]]:
-    """The vectors of a file of version 4 to 7 as columns, those of structures as STRUCTURE.FIELD, and the
-    names of vectors that are left out.
-
-    Structures with a `time` of their own (Structure With Time of Simulink, exported timeseries) share one
-    column `time`, the union of theirs; a signal is blank in rows that are not its own. Without such, vectors
-    of the most frequent length are used. Raises InputError for a file of version 7.3 (which is HDF5), a
-    damaged one, and one without numeric vectors.
-    """
-    from scipy.io import loadmat
-
-    try:
-        held = loadmat(path, squeeze_me=True, struct_as_record=False)
-    except Exception as error:  # whatever a damaged byte leads the library to
-        raise InputError(
-            f"{path} cannot be read as a MAT file ({reading.plain(str(error), 120)}); save it with '-v7', or "
-            "as CSV"
-        ) from None
-    of_time: list[tuple[NDArray[Any], dict[str, NDArray[Any]]]] = []
-    others: dict[str, NDArray[Any]] = {}
-    for key, value in held.items():
-        vectors = {} if key.startswith("__") else dict(_vectors(key, value))
-        clock = next((name for name in vectors if name.lower() == f"{key}.time".lower()), "")
-        if clock:
-            of_time.append((vectors.pop(clock).astype(float), vectors))
-        else:
-            others |= vectors
-    if not of_time and not others:
-        raise InputError(f"{path} holds no vector of numbers; save time and signals as vectors")
-    columns: dict[str, NDArray[Any]] = {}
-    lengths = [len(values) for values in others.values()]
-    rows = max(set(lengths), key=lambda length: (lengths.count(length), length)) if lengths else 0
-    if of_time:
-        columns["time"] = np.unique(np.concatenate([time for time, _ in of_time]))
-        rows = len(columns["time"])
-    for time, vectors in of_time:
-        for name, values in vectors.items():
-            if len(values) == len(time):
-                columns[name] = np.full(rows, np.nan)
-                columns[name][np.searchsorted(columns["time"], time)] = values
-    columns |= {name: values for name, values in others.items() if len(values) == rows}
-    names = [*others, *(name for _, vectors in of_time for name in vectors)]
-    table = pa.table({name: pa.array(values, from_pandas=True) for name, values in columns.items()})
-    return table, [name for name in names if name not in columns]
-
-
-def _vectors(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
-    if hasattr(value, "_fieldnames"):
-        for inner in value._fieldnames:
-            yield from _vectors(f"{name}.{inner}", getattr(value, inner))
-    elif not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
-        return
-    elif value.ndim == 1 and len(value) > 1:
-        yield name, value
-    elif value.ndim == 2:
-        yield from ((f"{name}[{k + 1}]", value[:, k]) for k in range(min(value.shape[1], MOST_IN_A_MATRIX)))
-
-
-_GROUPED = r"^\s*[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?\s*$"  # 1,300 and 1,300.5
-_THOUSANDS = r"^[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"
 
 
 def floats(cells: pa.ChunkedArray, decimal: str) -> tuple[Array, Mask]:
@@ -409,13 +409,38 @@ def _without_thousands(cells: pa.ChunkedArray) -> pa.ChunkedArray:
     return pc.if_else(others, pc.binary_join_element_wise(cells, pa.scalar("?"), ""), cells)  # is no number
 
 
+def _decimal_mark(columns: Sequence[pa.ChunkedArray], delimiter: str) -> str:
+    """A comma if cells have one and none has a point. Between commas, where every such cell could be of
+    thousands (1,300), it stays a point."""
+    texts = [column for column in columns if pa.types.is_string(column.type)]
+    if any(_has_mark(column, ".") for column in texts):
+        return "."
+    commas = [column for column in texts if _has_mark(column, ",")]
+    alike = rf"{_GROUPED}|^[^,]*$"
+    grouped = [pc.all(pc.match_substring_regex(c.drop_null(), alike)).as_py() for c in commas]
+    return "," if commas and (delimiter != "," or not all(grouped)) else "."
+
+
+def _has_mark(column: pa.ChunkedArray, mark: str) -> bool:
+    """Whether a number in a column of text has this decimal mark, or one with a unit behind it."""
+    if not pa.types.is_string(column.type):
+        return False
+    for part in (column.slice(0, LOOKED_AT), column.slice(LOOKED_AT)):
+        some = part.filter(pc.match_substring(part, mark))
+        some = pc.utf8_trim_whitespace(some)
+        some = pc.coalesce(pc.struct_field(pc.extract_regex(some, WITH_UNIT), "number"), some)
+        if pc.any(pc.match_substring_regex(some, _WITH_MARK[mark])).as_py():
+            return True
+    return False
+
+
 def shown(cell: object) -> str:
     """A cell in quotation marks, on one line and shortened."""
     text = reading.plain(str(cell))
     return f"'{text[:40]}...'" if len(text) > 43 else f"'{text}'"
 
 
-def _parquet_row(row: int) -> str:
+def _typed_row(row: int) -> str:
     return f"row {row + 1}"
 
 
@@ -429,36 +454,26 @@ def _plain_type(column: pa.ChunkedArray) -> pa.ChunkedArray:
     return column.cast(pa.string()) if text else column
 
 
-def _blank(table: TextTable) -> Mask:
-    filled = np.zeros(len(table), dtype=bool)
-    for name, column in table.columns.items():
-        kept = table.cells(name) if pa.types.is_string(column.type) else column
-        filled |= pc.is_valid(kept).to_numpy()
-        if filled.all():
-            break
-    return ~filled
-
-
-def _repeats_header(table: TextTable) -> Mask:
+def _repeats_header(table: Table) -> Mask:
     """Which rows (n,) repeat the header's names in every text cell."""
     same: Mask = np.ones(len(table), dtype=bool)
     for name, column in table.columns.items():
-        if not pa.types.is_string(column.type):
+        if not column.is_text:
             return np.zeros(len(table), dtype=bool)
-        same &= pc.equal(pc.fill_null(table.cells(name), ""), name).to_numpy()
+        same &= pc.equal(pc.fill_null(column.cells, ""), name).to_numpy()
         if not same.any():
             break
     return same
 
 
-def _sums_up(table: TextTable) -> Mask:
+def _sums_up(table: Table) -> Mask:
     """Which rows (n,) at the end have a label such as 'Total', in a column without text above it."""
     count = len(table)
     below = np.zeros(count, dtype=bool)
-    for name, column in table.columns.items():
-        if not pa.types.is_string(column.type):
+    for column in table.columns.values():
+        if not column.is_text:
             continue
-        cells = table.cells(name)[-MOST_BELOW - 1 :].to_pylist()
+        cells = column.cells[-MOST_BELOW - 1 :].to_pylist()
         labels = next((k for k, cell in enumerate(reversed(cells)) if not _is_label(cell)), 0)
         above = cells[-labels - 1]
         if above is None or re.search(r"\d", above):
@@ -468,16 +483,6 @@ def _sums_up(table: TextTable) -> Mask:
 
 def _is_label(cell: str | None) -> bool:
     return str(cell).lower().rstrip(":.").strip() in LABELS
-
-
-def decimal_mark(table: TextTable, *names: str) -> str:
-    """A comma if any number of these columns has one and none has a point."""
-    found = set()
-    for name in names:
-        if pa.types.is_string(table.column(name).type):
-            cells = table.cells(name)
-            found |= {m for m in ",." if pc.any(pc.match_substring_regex(cells, _WITH_MARK[m])).as_py()}
-    return "," if found == {","} else "."
 
 
 def _why(error: BaseException, encoding: str) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from deeptruck_model._io import reading
-from deeptruck_model._io.log_kinds import check_measurement
+from deeptruck_model._io.formats import check_measurement
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.tables.csv_text import (
     DELIMITERS,
@@ -82,7 +82,7 @@ def _listed(above: Sequence[str], columns: int, delimiter: str) -> str:
         if keys.count(key) in (columns - 1, columns):
             names = [name for other, name in pairs if other == key]
             names = ["Time"] * (columns - len(names)) + names
-            return f" in line {len(above) + 1}: {reading.plain(delimiter.join(names), 400)}"
+            return f" in line {len(above) + 1}: {delimiter.join(map(reading.plain, names))}"
     return ""
 
 

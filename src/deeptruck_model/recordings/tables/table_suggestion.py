@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
@@ -24,11 +23,11 @@ from deeptruck_model.recordings.channel_words import (
     named_channels,
     units_by_range,
 )
+from deeptruck_model.recordings.consistency.agreement import metres_of
 from deeptruck_model.recordings.consistency.proposals import settled, unit_of
-from deeptruck_model.recordings.consistency.sensors import metres_of
+from deeptruck_model.recordings.interpolate import Series
 from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.ranges import RAW_TORQUE
-from deeptruck_model.recordings.resample import Series
 from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.tables.csv_text import Format
 from deeptruck_model.recordings.tables.header_words import (
@@ -43,7 +42,7 @@ from deeptruck_model.recordings.tables.header_words import (
 )
 from deeptruck_model.recordings.tables.row_clock import RowClock, find_clock
 from deeptruck_model.recordings.tables.row_keys import Key, key_of, only, widened
-from deeptruck_model.recordings.tables.table_file import MOST_ABOVE, TextTable, decimal_mark, read_table
+from deeptruck_model.recordings.tables.table_file import MOST_ABOVE, Table, read_table
 from deeptruck_model.recordings.tables.table_form import find_form
 from deeptruck_model.recordings.topic_map import EXTRA, PARTS
 from deeptruck_model.recordings.units import conversion
@@ -54,6 +53,7 @@ Array = NDArray[np.float64]
 LOOKED_AT = 100_000  # rows by which the clock is found and units are compared
 RARE = 0.002  # of the values: codes of faults, which say nothing of the unit
 MOSTLY = 0.5  # of the filled cells of a column of numbers
+METRES_PER_DEGREE = 111_195.0  # of a great circle
 SIGNED = 0.02  # of the largest value: below minus this a pedal does brake
 _LAST = 10  # place behind all others: receivers report a speed a second or two late
 _SATELLITES = frozenset(("gps", "gnss"))
@@ -65,7 +65,7 @@ _TELLING = {  # units by which a column is known without a word
     "fuel_rate": ("l/h", "g/h", "kg/h", "g/s", "ml/min"),
 }  # fmt: skip
 _COUNTS = {  # counts of J1939 and of loggers without floats
-    "speed": (("km/h", 0.1), ("km/h", 1 / 256), ("km/h", 0.01), ("m/s", 0.01)),
+    "speed": (("km/h", 0.1), ("km/h", 1 / 256), ("km/h", 0.01), ("m/s", 0.01), ("m/s", 0.001)),
     "engine_command": (("percent", 0.4), ("percent", 0.1)),
     "brake_command": (("percent", 0.4), ("percent", 0.1)),
     "engine_speed": (("rpm", 0.125),),
@@ -73,8 +73,13 @@ _COUNTS = {  # counts of J1939 and of loggers without floats
 SWITCH = "a measured value: this one is on or off only"
 _OF_OTHERS = {"metric": ("mph", "ft", "degF", "psi"), "imperial": ("km/h",)}  # units that the others rule out
 _NO_VALUE = r"^(?i:-+|\?+|n/?a|#n/a|null|none|inv|err)$"
-_NAMES = frozenset(("pid", "signal", "name", "parameter", "diagnostic", "sensor", "messwert", "measurement"))
+_NAMES = frozenset(
+    ("field", "pid", "signal", "name", "parameter", "diagnostic", "sensor", "messwert", "measurement")
+)
 PEDAL_WORDS = frozenset(("pedal", "accelerator", "throttle"))
+PLACE_WORDS = frozenset(("x", "pos", "position", "vehicle", "utm", "local", "odom", "map", "m", "easting"))
+OURS_BEGINS = ["recording", "time"]  # the columns of a table that `table` wrote
+VBO = ".vbo"
 _UNITS = frozenset(("unit", "units", "einheit"))
 _VALUES = frozenset(("value", "values", "wert", "reading"))
 
@@ -104,7 +109,7 @@ class TableColumn:
 class TableSuggestion(Proposal):
     """The format of a table, its clock column, and the candidates for each channel."""
 
-    table: TextTable
+    table: Table
     form: Format
     columns: list[TableColumn]
     clock: RowClock
@@ -224,7 +229,6 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
     path = Path(path)
     form = find_form(path)
     table = read_table(path, form)
-    table = replace(table, decimal=decimal_mark(table, *table.columns))
     pivot = _one_value(table)
     units: dict[str, str] = {}
     if pivot is not None:
@@ -232,9 +236,11 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
         time = [name for name in table.columns if header(name).words & TIME][:1]
         table = widened(table, *pivot, time)
     units |= {name: header(text).unit for name, text in zip(table.columns, form.described, strict=False)}
+    if [*table.columns][:2] == OURS_BEGINS:
+        units |= {name: CHANNELS[name].unit for name in table.columns if name in CHANNELS}
     headers = {name: header(name, units.get(name) or _below(table, name)) for name in table.columns}
     speeds = [
-        table.values(name)[0]
+        table[name].values
         for name, one in headers.items()
         if "speed" in one.words and _column(table, name, one) is not None
     ]
@@ -243,14 +249,12 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
         table = only(table, {key.column: key.values[0]})
     found_columns = (_column(table, name, headers[name]) for name in table.columns)
     columns = [column for column in found_columns if column is not None]
-    head = replace(
-        table,
-        columns={name: cells.slice(0, LOOKED_AT) for name, cells in table.columns.items()},
-        rows=table.rows[:LOOKED_AT],
-    )
+    head = table.take(np.arange(min(len(table), LOOKED_AT)))
     system = _system(headers)
     meanings = [meaning for column in columns for meaning in _meanings(column, system)]
-    meanings += _by_unit(columns, meanings)
+    if path.suffix.lower() == VBO:
+        meanings = [_of_vbo(one) for one in meanings]
+    meanings = _pedals_alike([*meanings, *_by_unit(columns, meanings)])
     speeds = [one.column.values[:LOOKED_AT] for one in meanings if one.channel == "speed"]
     clock = find_clock(head, headers, speeds, any(one.unit for one in meanings if one.channel == "speed"))
     meanings = _compared([one for one in meanings if one.column.name not in clock.columns], clock, columns)
@@ -279,23 +283,24 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
     return found
 
 
-def _units_of(table: TextTable, names: str) -> dict[str, str]:
+def _units_of(table: Table, names: str) -> dict[str, str]:
     """The unit of each name, if there is a column of units next to names and values."""
     units = next((column for column in table.columns if header(column).words & _UNITS), None)
     if units is None:
         return {}
-    pairs = zip(table.cells(names).to_pylist(), table.cells(units).to_pylist(), strict=True)
+    pairs = zip(table[names].cells.to_pylist(), table[units].cells.to_pylist(), strict=True)
     return {name: unit for name, unit in dict.fromkeys(pairs) if name and unit}
 
 
-def _one_value(table: TextTable) -> tuple[str, str] | None:
+def _one_value(table: Table) -> tuple[str, str] | None:
     """The columns of names and of values if each row has one value; None if rows have several."""
     named = {column: header(column).words for column in table.columns}
     name = next((c for c, found in named.items() if found & _NAMES), None)
-    value = next((c for c, found in named.items() if found & _VALUES), None)
-    if name is None or value is None or not pa.types.is_string(table.column(name).type):
+    values = [c for c, found in named.items() if found & _VALUES]
+    value = next(iter(sorted(values, key=lambda c: bool(named[c] & {"raw", "hex"}))), None)
+    if name is None or value is None or not table[name].is_text:
         return None
-    labels = (header(str(label)).words for label in table.column(name).unique().to_pylist())
+    labels = (header(str(label)).words for label in table[name].raw.unique().to_pylist())
     known = any(next(named_channels(words, frozenset()), None) for words in labels)
     return (name, value) if known else None
 
@@ -316,6 +321,7 @@ class _Meaning:
     part: str = ""
     guess: str = ""
     needs: str = ""
+    counts: tuple[tuple[str, float], ...] = ()  # units and scales that its numbers may be in
 
     @property
     def unit(self) -> str:
@@ -341,15 +347,18 @@ class _Meaning:
         )
 
 
-def _column(table: TextTable, name: str, named: Header) -> TableColumn | None:
+def _column(table: Table, name: str, named: Header) -> TableColumn | None:
     """A column of numbers; None for others."""
     try:
-        values, unreadable = table.values(name)
+        values, unreadable = table[name].values, table[name].unreadable
     except InputError:
         return None
     finite = np.isfinite(values)
     if unreadable.any():
-        unreadable &= ~pc.fill_null(pc.match_substring_regex(table.cells(name), _NO_VALUE), False).to_numpy()
+        unreadable = (
+            unreadable
+            & ~pc.fill_null(pc.match_substring_regex(table[name].cells, _NO_VALUE), False).to_numpy()
+        )
     if not finite.any() or finite.sum() < MOSTLY * (finite.sum() + unreadable.sum()):
         return None
     field = Field(name)
@@ -357,13 +366,13 @@ def _column(table: TextTable, name: str, named: Header) -> TableColumn | None:
     return TableColumn(name, named, values, field)
 
 
-def _below(table: TextTable, name: str) -> str:
+def _below(table: Table, name: str) -> str:
     """The cell of a row of units, a text above numbers, or the unit after the numbers of the cells."""
-    if spelled(within := table.unit_in_cells(name), name):
-        return within
-    if not pa.types.is_string(table.column(name).type):
+    if not table[name].is_text:
         return ""
-    above = [cell or "" for cell in table.cells(name)[:MOST_ABOVE].to_pylist()]
+    if spelled(within := table[name].unit, name):
+        return within
+    above = [cell or "" for cell in table[name].cells[:MOST_ABOVE].to_pylist()]
     return next((cell for cell in above if spelled(cell, name)), "")
 
 
@@ -384,6 +393,10 @@ def _meanings(column: TableColumn, system: str) -> list[_Meaning]:
         percent = channel == "engine_torque" and bool(unit) and not fits(channel, unit)
         if channel == "engine_torque" and (percent or words & COMMANDED):
             channel = "engine_command"  # a torque in percent is what a demand is in
+        if channel == "speed" and "wheel" in words and unit == "rpm":
+            needs = "the rolling radius r of the wheel: scale is 0.1047 r, here for 0.5 m"
+            turns = _Meaning(column, channel, named.asked, _LAST, Role.MEASURED, [], "turns of a wheel")
+            return [replace(turns, scale=0.05236, guess="m/s", needs=needs)]
         driven = channel == "gap" and (unit in ("km", "mi") or _grows(values))
         if driven or (unit and not fits(channel, unit)):
             continue
@@ -410,6 +423,15 @@ def _meanings(column: TableColumn, system: str) -> list[_Meaning]:
     return []
 
 
+def _of_vbo(one: _Meaning) -> _Meaning:
+    """Places of a VBO file are in minutes, and longitude is positive to the west."""
+    if one.channel not in ("latitude", "longitude"):
+        return one
+    west = one.channel == "longitude"
+    said = f"in minutes{', positive to the west,' if west else ''} as VBO files have it"
+    return replace(one, units=["arcmin"], scale=-1.0 if west else 1.0, said=said)
+
+
 def _of_counts(one: _Meaning) -> _Meaning:
     """The meaning with the scale and offset of J1939, or of another logger, where the numbers are as on the
     bus: proposed for a torque in percent, else asked for."""
@@ -421,16 +443,31 @@ def _of_counts(one: _Meaning) -> _Meaning:
             return replace(one, offset=-zero, said=said)
     if one.units:
         return one
-    fits_range = [
-        (conversion(one.channel, unit).factor * scale, unit, scale)
+    fitting = [
+        (unit, scale)
         for unit, scale in _COUNTS.get(one.channel, ())
         if unit in units_by_range(one.channel, one.column.header.words, scale * most)
     ]
-    if not fits_range:
+    if not fitting:
         return one
-    _, unit, scale = max(fits_range)
-    needs = f"a check: are its numbers counts of {scale:.4g} {unit}? Else its unit"
-    return replace(one, scale=scale, guess=unit, needs=needs)
+    unit, scale = max(fitting, key=lambda count: conversion(one.channel, count[0]).factor * count[1])
+    counts = " or ".join(f"{scale:.4g} {unit}" for unit, scale in fitting)
+    needs = f"a check: are its numbers counts of {counts}? Else its unit"
+    return replace(one, scale=scale, guess=unit, needs=needs, counts=tuple(fitting))
+
+
+def _pedals_alike(meanings: list[_Meaning]) -> list[_Meaning]:
+    """The meanings without the unit of a pedal that states none, where the other pedal is in counts."""
+    pedals = [one for one in meanings if one.channel in DEMANDS and not one.column.header.unit]
+    if not any(one.counts for one in pedals):
+        return meanings
+    needs = "a check: the other pedal is in counts; is this one in {}?"
+    return [
+        replace(one, units=[], guess=one.unit, needs=needs.format(one.unit))
+        if one.unit and one in pedals
+        else one
+        for one in meanings
+    ]
 
 
 def _by_unit(columns: list[TableColumn], meanings: list[_Meaning]) -> list[_Meaning]:
@@ -450,6 +487,18 @@ def _by_unit(columns: list[TableColumn], meanings: list[_Meaning]) -> list[_Mean
     return found
 
 
+def _on_a_plane(columns: list[TableColumn], at: NDArray[np.int64]) -> Iterator[tuple[str, list[Array]]]:
+    """Columns x and y of positions in metres, (n,) each, as latitude and longitude near the equator."""
+    named = {c.name: c for c in columns if c.header.words & {"x"} and c.header.words <= PLACE_WORDS}
+    for name, x in named.items():
+        y = next((c for c in columns if c.name == sibling(name, [other.name for other in columns])), None)
+        if y is not None and x.header.unit in ("", "m"):
+            yield (
+                plain(name),
+                [(axis - np.nanmean(axis)) / METRES_PER_DEGREE for axis in (y.values[at], x.values[at])],
+            )
+
+
 def _grows(values: Array) -> bool:
     """Whether values never decrease, as those of an odometer."""
     steps = np.diff(values[np.isfinite(values)])
@@ -466,17 +515,33 @@ def _compared(meanings: list[_Meaning], clock: RowClock, columns: list[TableColu
     travelled = {
         c.name: [(plain(c.name), Series(seconds, c.values[at]))] for c in columns if metres_of(c.name)
     }
+    for name, axes in _on_a_plane(columns, at):
+        for channel, axis in zip(("latitude", "longitude"), axes, strict=True):
+            travelled.setdefault(channel, []).append((name, Series(seconds, axis)))
     for channel in ("speed", "acceleration", "speed", "grade"):  # each by those before
         known = dict(travelled)
         for one in meanings:
             if one.unit and one.role is Role.MEASURED:
                 values = conversion(one.channel, one.unit)(one.column.values[at])
                 named = (plain(one.column.name), Series(seconds, values))
-                known[one.channel] = [*known.get(one.channel, []), named]
+                known[one.channel] = [named, *known.get(one.channel, [])]
         for k, one in enumerate(meanings):
-            if one.channel == channel and len(one.units) > 1:
-                unit, why = unit_of(channel, one.units, Series(seconds, one.column.values[at]), known)
-                meanings[k] = (
-                    replace(one, units=[unit], said=f"no unit is stated, {why}: check") if unit else one
-                )
-    return meanings
+            if one.channel != channel or len(one.units) == 1:
+                continue
+            options = [(unit, 1.0) for unit in one.units] or list(one.counts)
+            unit, scale, why = unit_of(channel, options, Series(seconds, one.column.values[at]), known)
+            if unit:
+                said = f"no unit is stated, {why}: check"
+                meanings[k] = replace(one, units=[unit], scale=scale, said=said, guess="", needs="")
+    return [_beside_speed(one, meanings) for one in meanings]
+
+
+def _beside_speed(one: _Meaning, meanings: list[_Meaning]) -> _Meaning:
+    """A height of no stated unit in the system of units of the speed."""
+    speeds = {other.unit for other in meanings if other.channel == "speed" and other.unit}
+    if one.channel != "elevation" or len(one.units) < 2 or len(speeds) != 1:
+        return one
+    unit = "ft" if speeds == {"mph"} else "m"
+    return replace(
+        one, units=[unit], said=f"no unit is stated, {unit} beside a speed in {speeds.pop()}: check"
+    )

@@ -10,17 +10,16 @@ import pyarrow as pa
 from pyarrow import csv, parquet
 
 from deeptruck_model import files
+from deeptruck_model._io.formats import WRITTEN
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
-KINDS = (".csv", ".parquet")
-
 
 def check_table(path: Path) -> None:
-    """Raises InputError unless `path` is a new file whose suffix is one of KINDS."""
-    if path.suffix.lower() not in KINDS:
-        raise InputError(f"{path} must end on {' or '.join(KINDS)}: the ending says which table is written")
+    """Raises InputError unless `path` is a new file whose suffix is .csv or .parquet."""
+    if path.suffix.lower() not in WRITTEN:
+        raise InputError(f"{path} must end on {' or '.join(WRITTEN)}: the ending says which table is written")
     files.check_new(path)
 
 

@@ -118,14 +118,30 @@ def test_few_columns_are_all_named_and_of_many_the_nearest(
 ) -> None:
     (tmp_path / "d.csv").write_text(",".join(columns) + "\n" + ",".join("0" for _ in columns) + "\n")
     with pytest.raises(InputError, match=rf"has no column 'grades'; there is: {there}$"):
-        read_table(tmp_path / "d.csv").column("grades")
+        read_table(tmp_path / "d.csv")["grades"]
 
 
-def test_a_decimal_comma_is_not_taken_for_a_missing_number(tmp_path: Path) -> None:
-    """Whole numbers among them are read, so that the column is not all NaN."""
-    (tmp_path / "drive.csv").write_text("t;v\n0;10\n1;10,5\n2;11\n3;11,5\n")
-    with pytest.raises(InputError, match=r"2 cells of 'v' are no numbers, first '10,5' in line 3: set"):
-        import_table(tmp_path / "drive.csv", COLUMNS, tmp_path / "bag")
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("t;v\n0;10\n1;10,5\n2;11\n", [10.0, 10.5, 11.0]),
+        ("t;v\n0;1,500\n1;2,500\n", [1.5, 2.5]),
+        ('t,v\n0,"1,500"\n1,"0,750"\n', [1.5, 0.75]),
+        ("t;v\n0;10,5 km/h\n1;11,5 km/h\n", [10.5, 11.5]),
+    ],
+)
+def test_the_decimal_mark_is_found(tmp_path: Path, text: str, expected: list[float]) -> None:
+    (tmp_path / "drive.csv").write_text(text)
+    assert read_table(tmp_path / "drive.csv")["v"].values.tolist() == expected
+
+
+def test_each_cell_is_read_in_its_own_unit(tmp_path: Path) -> None:
+    cells = ["54.0 km/h", "10 m/s", "33.554 mph", "1 furlong", "", "55.0 km/h"]
+    (tmp_path / "d.csv").write_text("t,v\n" + "".join(f"{k},{cell}\n" for k, cell in enumerate(cells)))
+    column = read_table(tmp_path / "d.csv")["v"]
+    assert column.unit == "km/h"
+    assert column.values == pytest.approx([54.0, 36.0, 54.0, math.nan, math.nan, 55.0], nan_ok=True, abs=1e-3)
+    assert column.unreadable.tolist() == [False, False, False, True, False, False]
 
 
 def test_a_column_of_a_name_that_comes_twice_is_said(tmp_path: Path) -> None:
@@ -255,6 +271,7 @@ def test_commas_mark_thousands_where_another_column_has_points(
 ) -> None:
     rows = "".join(f'{other},"{cell}"\n' for other, cell in zip(others, cells, strict=True))
     (tmp_path / "t.csv").write_text("t,n\n" + rows)
-    values, unreadable = read_table(tmp_path / "t.csv").values("n")
+    column = read_table(tmp_path / "t.csv")["n"]
+    values, unreadable = column.values, column.unreadable
     assert values.tolist() == pytest.approx(expected, nan_ok=True)
     assert unreadable.tolist() == [math.isnan(value) for value in expected]
