@@ -20,7 +20,7 @@ deeptruck_exam.plants: simulators | deeptruck_exam/plants/test_plants.py
 deeptruck_exam.worlds: drive drivers | deeptruck_exam/worlds/test_worlds.py
 deeptruck_model._imports: lazy | deeptruck_model/checks/test_calls.py
 deeptruck_model._imports: entry_points | deeptruck_model/test_checks.py
-deeptruck_model._io: log_kinds reading | readers/test_readers.py
+deeptruck_model._io: formats frame_rows reading | readers/test_readers.py
 deeptruck_model.checks: bags compatibility simulators | deeptruck_model/test_checks.py
 deeptruck_model.cli: inputs | deeptruck_model/cli/test_topics.py
 deeptruck_model.cli: fleet | deeptruck_model/fleet/test_compare.py
@@ -44,8 +44,9 @@ deeptruck_model.recordings: mcap_chunks message_definitions | deeptruck_model/re
 deeptruck_model.recordings: recording_figure | deeptruck_model/recordings/test_recording.py
 deeptruck_model.recordings: interpolate | deeptruck_model/recordings/test_resample.py
 deeptruck_model.recordings.consistency: proposals | deeptruck_model/recordings/tables/test_table_suggestion.py
+deeptruck_model.recordings.consistency: windows | deeptruck_model/recordings/consistency/test_sensors.py
 deeptruck_model.recordings.tables: samples | deeptruck_model/recordings/test_importing.py
-deeptruck_model.recordings.tables: row_keys | deeptruck_model/recordings/tables/test_table_file.py
+deeptruck_model.recordings.tables: mat_file row_keys | deeptruck_model/recordings/tables/test_table_file.py
 deeptruck_model.recordings.tables: row_clock | deeptruck_model/recordings/tables/test_table_suggestion.py
 deeptruck_model.recordings.tables: table_form | deeptruck_model/recordings/tables/test_table_suggestion.py
 deeptruck_model.simulators: protocol | deeptruck_model/simulators/test_protocol_check.py
@@ -54,7 +55,7 @@ deeptruck_model.trucks: kernel parameters road start | deeptruck_model/trucks/te
 truck_bridge: fault_watch | truck_bridge/test_active_faults.py
 truck_bridge: channels units | truck_bridge/test_vehicles.py
 truck_bridge.can_logs: decoding faults importing pieces | truck_bridge/test_can_logs.py
-truck_bridge.can_logs: text_logs trc_logs whole | truck_bridge/test_can_logs.py
+truck_bridge.can_logs: row_logs text_logs trc_logs whole | truck_bridge/test_can_logs.py
 truck_bridge.emulator: messages sender | truck_bridge/emulator/test_ecus.py
 truck_bridge.j1939: ids | truck_bridge/j1939/test_checksums_and_ids.py
 truck_bridge.safety: core | safety/test_frames.py

@@ -56,6 +56,22 @@ def whole() -> typer.Typer:
     return app
 
 
+PROGRAMS = {
+    "deeptruck-model": "recordings to a simulator, and what it leaves out: import, train, mismatch",
+    "deeptruck-cacc": "a following policy: train, evaluate, export",
+    "truck-bridge": "J1939 logs and buses: decode, check, record, replay, convert",
+    "deeptruck-simulation": "the node graph with a simulated truck",
+    "deeptruck-vehicle": "the node graph over CAN",
+    "deeptruck-replay": "a recording through the node graph",
+}
+
+
+def overview() -> None:
+    """Entry point of `deeptruck`: the programs, each with what it does."""
+    print("deeptruck has several programs, each with --help:")
+    print("\n".join(f"  {name:22} {says}" for name, says in PROGRAMS.items()))
+
+
 def main() -> None:
     """Entry point."""
     console.run(whole(), "deeptruck-model", spread(sys.argv[1:]))

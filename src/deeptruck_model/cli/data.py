@@ -8,7 +8,7 @@ from contextlib import redirect_stdout
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -152,12 +152,15 @@ def import_log(
             metavar="TABLE|CAN_LOG|BAG...", help="CSV, Parquet or MAT tables, CAN logs, or bags to convert"
         ),
     ],
-    columns: Annotated[
-        Path, typer.Option(help="COLUMNS.yaml: what the columns mean; of a bag, its topic map")
-    ],
     out: Annotated[
         Path, typer.Option(help="the bag to write, a new folder; of several sources the folder of their bags")
     ],
+    columns: Annotated[
+        Path | None,
+        typer.Option(
+            help="COLUMNS.yaml: what the columns mean; of a bag, its topic map; a CAN log needs none"
+        ),
+    ] = None,
     clock: ClockOption = None,
     msg: MessageFiles = None,
     slope_from: Annotated[
@@ -177,11 +180,17 @@ def import_log(
     outs = [out] if len(tables) == 1 else [out / names[table] for table in tables]
     if twice := [t for t in tables if tables.count(t) > 1]:
         raise InputError(f"{twice[0]} is given twice; give each source once")
+    if columns is None and (lacking := [t for t in tables if not import_checks.is_can_log(t)]):
+        raise InputError(
+            f"give --columns, what the columns of {lacking[0]} mean: 'deeptruck-model suggest {lacking[0]} "
+            "--out columns.yaml' proposes it"
+        )
+    meaning: Path | dict[str, Any] = {} if columns is None else columns
     if len(tables) > 1 and (same := [t for t in tables if Path(names[t]).is_absolute()]):
         raise InputError(f"several sources are called {same[0].stem}: rename them, or import each alone")
     checks.every(
         *(
-            partial(import_checks.check, table, columns, place, overwrite=overwrite, clock=clock)
+            partial(import_checks.check, table, meaning, place, overwrite=overwrite, clock=clock)
             for table, place in zip(tables, outs, strict=True)
         )
     )
@@ -189,12 +198,12 @@ def import_log(
         for place in outs:
             place.parent.mkdir(parents=True, exist_ok=True)
     for table, place in zip(tables, outs, strict=True):
-        _import_one(table, columns, place, clock, msg, slope_from, overwrite)
+        _import_one(table, meaning, place, clock, msg, slope_from, overwrite)
 
 
 def _import_one(
     table: Path,
-    columns: Path,
+    columns: Path | dict[str, Any],
     out: Path,
     clock: Clock | None,
     msg: list[Path] | None,

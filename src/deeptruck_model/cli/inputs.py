@@ -14,6 +14,7 @@ from deeptruck_model.checks import Clock, Mapped
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
+    from deeptruck_model._io.account import Account, Aside
     from deeptruck_model.deep import DeepTruck
     from deeptruck_model.recordings import Recording
 
@@ -89,8 +90,17 @@ def read(
 
 
 def show_accounts(recordings: Iterable[Recording]) -> None:
-    """Print omitted samples and remarks of the readers on stderr, once for each source."""
+    """Print omitted samples and remarks of the readers on stderr, once for each source; what was only set
+    aside in one line a reason for all of them."""
+    found: dict[str, list[tuple[Account, Aside]]] = {}
     for account in {id(r.account): r.account for r in recordings if r.account is not None}.values():
-        if account.total.left_out or account.remarks or any(account.channel_lines()):
-            for line in account.lines():
-                print(line, file=sys.stderr)
+        if account.remarks or any(account.channel_lines()):
+            print("\n".join(account.lines()), file=sys.stderr)
+            continue
+        for reason, entry in account.total.aside.items():
+            found.setdefault(reason, []).append((account, entry))
+    for reason, parts in found.items():
+        names = ", ".join(dict.fromkeys(account.source for account, _ in parts))
+        count, read = (sum(x) for x in zip(*((e.count, a.total.read) for a, e in parts), strict=True))
+        first = f", first {parts[0][1].first}" if parts[0][1].first else ""
+        print(f"{names}: {count} of {read} {parts[0][0].items} set aside, {reason}{first}", file=sys.stderr)

@@ -11,9 +11,10 @@ if TYPE_CHECKING:
     from deeptruck_model.recordings.extract import read
     from deeptruck_model.recordings.grade import grade_from_elevation
     from deeptruck_model.recordings.importing import Imported, import_table
+    from deeptruck_model.recordings.interpolate import Series
     from deeptruck_model.recordings.mcap_repair import repair
     from deeptruck_model.recordings.recording import Recording
-    from deeptruck_model.recordings.resample import Series, uniform
+    from deeptruck_model.recordings.resample import uniform
     from deeptruck_model.recordings.several import read_all
     from deeptruck_model.recordings.splits import data_hash, split
     from deeptruck_model.recordings.suggestion import Suggestion, suggest
@@ -55,7 +56,8 @@ __getattr__ = lazy.names(
         "importing": ("Imported", "import_table"),
         "recording": ("Recording",),
         "mcap_repair": ("repair",),
-        "resample": ("Series", "uniform"),
+        "interpolate": ("Series",),
+        "resample": ("uniform",),
         "several": ("read_all",),
         "splits": ("data_hash", "split"),
         "suggestion": ("Suggestion", "suggest"),

@@ -124,15 +124,17 @@ class Proposal:
     def lacking(self) -> list[str]:
         """What must be filled in before the proposal can be used for training, one line each."""
         return [
-            f"{channel} has no line yet, {why}: "
-            + ("say in which unit it is" if self.candidates.get(channel) else self._unlike)
+            f"{channel} has no line yet, {why}: {self._why_not(channel)}"
             for channel, why in NEEDED.items()
             if self.taken(channel) is None
         ]
 
-    @property
-    def _unlike(self) -> str:
-        return f"no {self.SOURCE} looks like it"
+    def _why_not(self, channel: str) -> str:
+        """Why nothing is proposed for a channel."""
+        found = self.candidates.get(channel, [])
+        if not found:
+            return f"no {self.SOURCE} looks like it"
+        return f"{found[0].label} needs {found[0].needs}" if found[0].needs else "say in which unit it is"
 
     def blocks(self) -> Iterator[str]:
         """The lines of all channels, each below the reasons for it and after a blank line."""

@@ -11,7 +11,7 @@ from typing import Any
 
 from deeptruck_model.recordings import gated_brake, topic_map
 from deeptruck_model.recordings.tables import columns
-from deeptruck_model.recordings.units import canonical_units, known_units
+from deeptruck_model.recordings.units import TIME_UNITS, canonical_units, known_units
 from deeptruck_model.signals import CHANNELS, PERSON, SLOPE_FROM, SLOPE_SOURCES
 from deeptruck_model.vehicle_kinds import UNSTATED, VEHICLE_KINDS
 
@@ -72,7 +72,7 @@ def of_topics() -> Schema:
 
 
 def _times() -> list[Schema]:
-    units = {"enum": [*columns.TIME_UNITS, *columns.DATE_UNITS]}
+    units = {"enum": [*TIME_UNITS, *columns.DATE_UNITS]}
     dates = {"enum": [*columns.DATE_UNITS]}
     pair = {"type": "array", "items": _NAME, "minItems": 2, "maxItems": 2}
     format_ = {**_TEXT, "pattern": "%"}

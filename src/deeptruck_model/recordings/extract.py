@@ -18,10 +18,11 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.bag_source import EXTRA_KEY, INTERFACE_KEY, NOTES_KEY, BagSource
 from deeptruck_model.recordings.clocks import REORDER_NS, Clocks, Part, Queue
+from deeptruck_model.recordings.interpolate import Series
 from deeptruck_model.recordings.layout import Columns, Walker
 from deeptruck_model.recordings.obeyed import Obedience, no_load, with_engaged
 from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
-from deeptruck_model.recordings.resample import MARGIN_S, Received, Resampler, Series
+from deeptruck_model.recordings.resample import MARGIN_S, Received, Resampler
 from deeptruck_model.recordings.topic_map import (
     DEFAULT_TOPICS,
     DRIVEN_BY,
@@ -40,6 +41,7 @@ Index = NDArray[np.int64]
 SIDEWAYS = 1.0  # m/s, rms: what moves so across its axis is written in another frame than the truck's
 _DRAIN = 200_000  # messages that may wait before they are resampled
 _NO_NUMBER = "without a number in"
+POSE = ("pose.pose.position.x", "pose.pose.position.y")  # of an odometry, beside its twist
 _LISTED = 3  # fields that a reason names
 
 
@@ -261,19 +263,23 @@ class _Vectors:
         if self._speed is None or self._speed.across or not sideways or not has(sideways):
             self._speed = None
         self.paths = (*paths, sideways) if self._speed else tuple(paths)
+        self.pose = POSE if sources["speed"].field in self.paths and all(map(has, POSE)) else ()
+        self.paths += self.pose
         self._squares, self._count = 0.0, 0
 
     def resolved(self, columns: list[Array]) -> list[Array]:
-        """One column per channel; infinity is no number, as sensor_msgs/Range has it for 'no target'."""
+        """One column per channel, and those of the pose; infinity is no number, as sensor_msgs/Range has it
+        for 'no target'."""
         columns = [np.where(np.isinf(column), np.nan, column) for column in columns]
+        pose = columns[len(columns) - len(self.pose) :]
         if self._speed:
-            sideways = self._speed(columns[-1])
+            sideways = self._speed(columns[-1 - len(self.pose)])
             known = np.isfinite(sideways)
             self._squares += float((sideways[known] ** 2).sum())
             self._count += int(known.sum())
         for k, other in self._norms:
             columns[k] = np.hypot(columns[k], columns[other])
-        return columns[: len(self._sources)]
+        return columns[: len(self._sources)] + pose
 
     def check(self, where: str) -> None:
         """Raises InputError if the mapped speed is one component of a vector in another frame."""
@@ -316,7 +322,9 @@ class _Drain:
                 continue
             time = (part.stamps - self.start) / 1e9
             blank = np.ones(len(time), dtype=bool)
-            for channel, column in zip(self.by_topic[topic], part.columns, strict=True):
+            if len(part.columns) > len(self.by_topic[topic]):
+                self.resampler.add_places(time, *part.columns[-2:])
+            for channel, column in zip(self.by_topic[topic], part.columns, strict=False):
                 values = self.sources[channel](column)
                 blank = blank & np.isnan(values) if blank.any() else blank
                 series[channel] = Series(time, values)

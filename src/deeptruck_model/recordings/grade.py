@@ -17,7 +17,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.consistency import sensors
+from deeptruck_model.recordings.consistency.accelerometer import accelerometer
+from deeptruck_model.recordings.consistency.windows import CORRELATED, SCALE
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.signals import ACCELEROMETER, ELEVATION, SLOPE_FROM
 
@@ -112,9 +113,9 @@ def _sloped(r: Recording, grade: Array, note: str) -> Recording:
 def felt_slope(recordings: Sequence[Recording]) -> FeltSlope | None:
     """The slope that the accelerometer of one log felt, fused with its elevation if there is one. None if
     less than LEAST_KM was driven with it, or if it does not follow the speed."""
-    seen = sensors.accelerometer(recordings, "specific_force")
-    low, high = sensors.SCALE
-    if seen is not None and (seen.correlation < sensors.CORRELATED or not low < seen.slope < high):
+    seen = accelerometer(recordings, "specific_force")
+    low, high = SCALE
+    if seen is not None and (seen.correlation < CORRELATED or not low < seen.slope < high):
         return None
     pieces = [_Piece.of(r) for r in recordings]
     pitch = _pitch(pieces)

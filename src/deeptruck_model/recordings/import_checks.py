@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from deeptruck_model import checks
-from deeptruck_model._io.log_kinds import CAPTURES, check_measurement, holds_frames
+from deeptruck_model._io.formats import BAG as BAG_OF_FRAMES
+from deeptruck_model._io.formats import PACKED, Kind, check_measurement, format_of, suffix_of
 from deeptruck_model._io.results import BAG, apart
 from deeptruck_model.checks import Clock
 from deeptruck_model.errors import InputError
@@ -15,8 +16,6 @@ from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.recordings.tables.table_file import in_parts
 from deeptruck_model.recordings.topic_map import facts, is_topic_map, load_yaml
 
-CAN_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".candump", ".trc", ".mcap")
-BAG_SUFFIXES = (".db3", ".bag")
 A_MAP = (
     "a bag is converted by a topic map, lines such as 'speed: {topic: /odom, field: twist.twist.linear.x}' "
     "('deeptruck-model suggest BAG' proposes one); a bag of our topics is used as it is"
@@ -54,22 +53,22 @@ def is_bag(path: Path, columns: Meaning) -> bool:
 
     Raises InputError for a bag with the description of a table or CAN log.
     """
-    files_of_bags = (path.glob(pattern) for pattern in (checks.METADATA, "*.mcap", "*.db3"))
-    certain = path.suffix.lower() in BAG_SUFFIXES or any(any(found) for found in files_of_bags)
-    if not certain and path.suffix.lower() != ".mcap":
+    if not _is(path, Kind.BAG) or path.suffix.lower() == PACKED:
         return False
     mapped = is_topic_map(_mapping(columns))
-    if certain and not mapped:
+    if not mapped and (path.is_dir() or path.suffix.lower() != ".mcap"):
         raise InputError(f"{path} is no table: {A_MAP}")
     return mapped
 
 
 def is_can_log(path: Path) -> bool:
-    """Whether a log holds CAN frames, by its suffix or its header."""
-    inner = Path(path.stem) if path.suffix.lower() == ".gz" else path
-    if inner.suffix.lower() in (".csv", ".tsv", ".txt") and path.is_file():
-        return holds_frames(path)
-    return inner.suffix.lower() in (*CAN_SUFFIXES, *CAPTURES)
+    """Whether a log holds CAN frames; a single MCAP file without a topic map does."""
+    return _is(path, Kind.FRAMES) or (suffix_of(path) == BAG_OF_FRAMES and not path.is_dir())
+
+
+def _is(path: Path, kind: Kind) -> bool:
+    found = format_of(path)
+    return found is not None and found.kind is kind
 
 
 def columns_of_log(log: Path, columns: Meaning) -> dict[str, Any]:
@@ -92,10 +91,8 @@ def is_table(path: Path) -> bool:
 
     Raises InputError for a CAN log: its meaning is in a vehicle file.
     """
-    if in_parts(path):
-        return True
-    if not path.is_file() or path.suffix.lower() in (*BAG_SUFFIXES, ".mcap"):
-        return False
+    if not path.is_file() or _is(path, Kind.BAG):
+        return in_parts(path)
     check_measurement(path)
     if is_can_log(path):
         raise InputError(

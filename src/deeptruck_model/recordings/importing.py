@@ -23,9 +23,9 @@ from deeptruck_model.recordings.bag_writer import write_bag
 from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.grade import with_slope
-from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, period
+from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, Series, period
 from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
-from deeptruck_model.recordings.resample import Series, count_derived, uniform
+from deeptruck_model.recordings.resample import count_derived, uniform
 from deeptruck_model.recordings.tables.columns import Columns, load_columns
 from deeptruck_model.recordings.tables.samples import read_samples
 from deeptruck_model.recordings.topic_map import stated
@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 
 IMPORTERS = "deeptruck.importers"
 LEAST_RENEWALS = 20  # by which a value is seen to be held between them
+EVEN = 1.5  # times their median step that samples are apart at most, where no one is missing
 COARSE, SOONEST = 2.5, 0.6  # resolutions by which a coarse sensor changes; of the usual rows between renewals
 
 CanLog = tuple[dict[str, tuple[Array, Array]], dict[str, Any]]
@@ -140,7 +141,8 @@ def _noted(recordings: list[Recording], account: Account) -> list[Recording]:
 def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Series:
     """The channel's samples, without the blank rows between them if a slow sensor fills only some rows.
 
-    A column that alternates and then stops belongs to a sensor that failed and is not treated as slow.
+    Samples that are evenly spaced in time lack none, whatever rows others add between them. A column that
+    alternates and then stops belongs to a sensor that failed and is not treated as slow.
     """
     valid = ~np.isnan(values)
     renewed = np.zeros(0) if channel in (*HELD, *LATCHED) else renewals(values[valid])
@@ -151,8 +153,11 @@ def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Ser
             f"{channel} is renewed every {every} rows and held between them: taken where it is renewed"
         )
         return Series(time[rows], values[rows])
-    rows_apart = np.diff(np.flatnonzero(valid))
-    if valid.all() or (len(rows_apart) and np.median(rows_apart) < 2.0):
+    rows_apart, apart = np.diff(np.flatnonzero(valid)), np.diff(time[valid])
+    most = EVEN * float(np.median(apart)) if len(apart) else 0.0
+    ends = (time[valid][:1] - time[0] <= most).all() and (time[-1] - time[valid][-1:] <= most).all()
+    even = len(apart) > LEAST_RENEWALS and float(apart.max()) <= most and ends
+    if valid.all() or (len(rows_apart) and np.median(rows_apart) < 2.0 and not even):
         if not valid.all():
             notes.append(f"{channel} is invalid in {(~valid).sum()} rows of {len(values)}")
         return Series(time, values)

@@ -7,6 +7,8 @@ v(k+1) = v(k) + a(k+1) dt holds at every rate. Other channels are interpolated b
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +23,25 @@ SNAP = 1e-3  # a sample this close to a tick, in steps, is that tick's value
 HELD = ("engine_command", "brake_command")
 LATCHED = ("gear", "brake_switch", *FAULTS)
 _STEP_MEANS = ("acceleration", "specific_force", "fuel_rate")
+
+
+@dataclass(frozen=True)
+class Series:
+    """Samples of one channel: time (n,) in s since the start of the source, ascending; values (n,)."""
+
+    time: Array
+    values: Array
+
+    def between(self, after: float, before: float) -> Series:
+        """The samples strictly between two times."""
+        inside = slice(np.searchsorted(self.time, after, side="right"), np.searchsorted(self.time, before))
+        return Series(self.time[inside], self.values[inside])
+
+    @property
+    def valid(self) -> Series:
+        """The samples that are numbers."""
+        known = ~np.isnan(self.values)
+        return Series(self.time[known], self.values[known])
 
 
 def period(time: Array) -> float:

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from deeptruck_model._io.account import Account, moment
 from deeptruck_model.recordings.bag_source import BagSource
-from deeptruck_model.recordings.interpolate import GAP_S
+from deeptruck_model.recordings.interpolate import GAP_S, Series
 from deeptruck_model.recordings.layout import Walker
-from deeptruck_model.recordings.resample import Series
 from deeptruck_model.recordings.topic_map import Source
 
 Array = NDArray[np.float64]

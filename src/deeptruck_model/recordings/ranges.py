@@ -1,19 +1,22 @@
-"""Detects reversing, codes for missing values, and samples out of range for any truck, because of their unit
-or a fault.
-"""
+"""Sets aside what is out of range for any truck, impossible, or reversing, and questions a unit by it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import pairwise
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model._io.account import Tally, moment
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.consistency.impossible import (
+    impossible,
+    lost_decimals,
+    zero_changes,
+)
+from deeptruck_model.recordings.units import known_units
 from deeptruck_model.signals import CHANNELS, TruckInterface, channel_of
-from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -25,11 +28,16 @@ REVERSING = "reversing"
 _DEAD_BAND = 2.0  # m/s: slower than this many sensors show zero, so that reversing begins with a jump
 RAW_TORQUE = (125.0, 250.0)  # zero and largest of J1939's percent torque where its offset is not applied
 _SUSPECT_SHARE = 0.01  # of the samples that are not zero
-_KEPT = 10_000  # out-of-range values that are looked at for a factor
+_KEPT = 10_000  # samples that are looked at for a factor
+NEAR_UNIT = 0.04  # relative, as tyres differ
 
 # (channel, unit) -> what it reaches in a drive at least and at most, and how much larger it is in other units
 _OTHER_UNITS: dict[tuple[str, str], tuple[float, float, dict[str, float]]] = {
-    ("speed", "m/s"): (2.0, 40.0, {"km/h": 3.6, "mph": 1 / 0.44704, "cm/s": 100.0, "mm/s": 1000.0}),
+    ("speed", "m/s"): (
+        2.0,
+        40.0,
+        {"km/h": 3.6, "mph": 1 / 0.44704, "cm/s": 100.0, "mm/s": 1000.0, "counts of 1/256 km/h": 921.6},
+    ),
     ("engine_command", "N m"): (250.0, 5000.0, {"N cm": 100.0, "N mm": 1000.0}),
     ("engine_command", "percent"): (6.5, 130.0, {"0.01 percent": 100.0, "0.001 percent": 1000.0}),
     ("engine_command", "g/s"): (2.0, 40.0, {"mg/s": 1000.0, "g/h": 3600.0}),
@@ -40,78 +48,28 @@ _OTHER_UNITS: dict[tuple[str, str], tuple[float, float, dict[str, float]]] = {
     ("grade", "ratio"): (0.004, 0.4, {"percent": 100.0}),
 }
 
-# per channel: a step between samples, and a rate of change, that no truck has, in units of the channel
-_IMPOSSIBLE = {
-    "speed": (2.0, IMPOSSIBLE_ACCELERATION),  # many sensors show zero below 2 m/s
-    "elevation": (20.0, 10.0),
-    "latitude": (0.01, 0.001),
-    "longitude": (0.01, 0.001),
-    "engine_speed": (50.0, 600.0),
-}
 LIMITS = {  # of commands, by unit; the codes of J1939 for 'error' and 'not available' lie above
     ("engine_command", "percent"): (-125.0, 125.0),
     ("brake_command", "percent"): (-0.5, 100.5),
 }
-NONE_SHARE, FULL_STEP = -1.0, 5.0  # percent: written for no value by some loggers; reached by such a step
-_PEDAL, _CODES = 100.4, (101.6, 102.0)  # percent: largest of a pedal, and its codes for error and no value
-DROPPED = "that jump to a number for no value and back"
-UNAVAILABLE = "of a code for 'not available'"
 
 
-def no_values(channel: str, unit: str, time: Array, values: Array) -> Iterator[tuple[str, Mask]]:
-    """Reasons, each with the samples (n,) that are certainly missing values; time (n,) in s, NaN is already
-    missing.
+class Seen(NamedTuple):
+    """A channel is `factor` times what `by`, such as 'latitude and longitude give'."""
 
-    A code is a number that J1939 reserves for a missing value; a drop-out is a constant number at or below
-    zero that is entered and left faster than a truck can change.
-    """
-    valid = np.flatnonzero(np.isfinite(values))
-    if len(valid) < 3:
-        return
-    t, v = time[valid], values[valid]
-    found = np.zeros(len(values), dtype=bool)
-    if channel in ("engine_command", "brake_command") and unit == "percent":
-        coded = np.isclose(v, _CODES[0], atol=1e-6) | np.isclose(v, _CODES[1], atol=1e-6)
-        if coded.any() and not coded.all() and v[~coded].max() <= _PEDAL:
-            found[valid[coded]] = True
-            yield UNAVAILABLE, found
-        negative = v < 0.0
-        jumped = np.abs(np.diff(v))[negative[1:]] > FULL_STEP
-        if (v[negative] == NONE_SHARE).all() and jumped.any():
-            found = np.zeros(len(values), dtype=bool)
-            found[valid[negative]] = True
-            yield UNAVAILABLE, found
-    if channel in _IMPOSSIBLE and bool((v <= 0.0).any()):
-        found = np.zeros(len(values), dtype=bool)
-        least = {"speed": CHANNELS["speed"].low, "elevation": -np.inf}.get(channel, 0.0)
-        below = np.unique(v[(v <= 0.0) & (v >= least)])
-        fix = channel in ("elevation", "latitude", "longitude")
-        found[valid[_dropped(t, v, *_IMPOSSIBLE[channel], below, fix)]] = True
-        if found.any():
-            yield DROPPED, found
+    by: str
+    factor: float
 
 
-def _dropped(t: Array, v: Array, step: float, rate: float, codes: Array, fix: bool) -> Mask:
-    """Runs of a code that are entered and left by jumps. At the start or end, zero counts only for a receiver
-    without `fix`, because a truck may stand where a log starts or ends."""
-    jump = np.abs(np.diff(v)) > step + rate * np.diff(t)
-    edges = [0, *(np.flatnonzero(jump) + 1), len(v)]
-    dropped = np.zeros(len(v), dtype=bool)
-    if len(edges) == 2:
-        return dropped
-    for i, j in pairwise(edges):
-        within = fix or v[i] != 0.0 or (i > 0 and j < len(v))
-        dropped[i:j] = (
-            within and v[i] in codes and bool((v[i:j] == v[i]).all()) and (j - i > 1 or v[i] == 0.0)
-        )
-    return dropped
+Measured = Callable[[str], Seen | None]
 
 
 class Range:
     """Removes out-of-range samples of a channel, part by part, and collects evidence for a wrong unit."""
 
-    def __init__(self, channel: str, tally: Tally, unit: str = "") -> None:
+    def __init__(self, channel: str, tally: Tally, unit: str = "", cuts: Array | None = None) -> None:
         self.channel, self.tally, self.unit = channel, tally, unit
+        self.cuts = np.zeros(0) if cuts is None else cuts
         known = channel_of(channel)
         self.low, self.high = LIMITS.get((channel, unit), (known.low, known.high))
         self.reason = f"outside {self.low:g}..{self.high:g} {known.unit}"
@@ -122,6 +80,9 @@ class Range:
         self._size_below = self._size_above = 0.0  # sums of magnitudes below zero and above
         self._crossings = self._gradual = 0
         self._values: list[Array] = []  # of those outside, the first _KEPT
+        self._head: list[tuple[Array, Array]] = []  # times and numbers as they came, the first _KEPT
+        self._zero = 0.0  # of heights
+        self.remarks: list[str] = []
 
     def masked(self, time: Array, values: Array) -> Array:
         """The values (n,) with NaN for those out of range. Negative speeds of reversing are kept: see
@@ -131,16 +92,30 @@ class Range:
         with np.errstate(invalid="ignore"):
             outside = (values < low) | (values > self.high)
         self.measured += int(valid.sum())
+        if sum(len(kept) for kept, _ in self._head) < _KEPT:
+            self._head.append((time[valid][:_KEPT], values[valid][:_KEPT]))
         if self.channel in _OF_UNITS:
             self._look(values[valid], outside[valid], low)
         if outside.any():
             self.set_aside(self.reason, time, values, outside)
             values = np.where(outside, np.nan, values)
-        for reason, none in no_values(self.channel, self.unit, time, values):
+        for reason, none in impossible(self.channel, self.unit, time, values):
             self.set_aside(reason, time, values, none)
             self.none += int(none.sum())
             values = np.where(none, np.nan, values)
-        return values
+        return self._on_one_zero(time, values) if self.channel == "elevation" else values
+
+    def _on_one_zero(self, time: Array, height: Array) -> Array:
+        """The height (n,) without changes of its zero, which are remarked."""
+        height = height - self._zero
+        for at, by in zero_changes(time, height, self.cuts):
+            height = np.where(np.arange(len(height)) >= at, height - by, height)
+            self._zero += by
+            self.remarks.append(
+                f"elevation changes its zero by {by:+.1f} m at {moment(time[at])}: the step is set aside, "
+                "and what follows is given above the zero before"
+            )
+        return height
 
     def set_aside(self, reason: str, time: Array, values: Array, these: Mask) -> None:
         """Count samples that are not used, with the time and value of the first one."""
@@ -166,13 +141,20 @@ class Range:
         self._crossings += int(across.sum())
         self._gradual += int((steps[across] <= usual).sum())
 
-    def check(self, name: str, interface: TruckInterface) -> None:
-        """Raises InputError if one factor would make most samples of a required channel or grade plausible.
+    @property
+    def head(self) -> tuple[Array, Array]:
+        """Times (n,), s, and numbers (n,) of the first samples, as they came."""
+        times, values = zip(*self._head, strict=True) if self._head else ((np.zeros(0),), (np.zeros(0),))
+        return np.concatenate(times), np.concatenate(values)
 
-        Most samples are wrong if most nonzero ones are out of range, or if the values leave the range as
-        gradually as they change within it, in which case those within are wrong too. A fault leaves the range
-        by a jump.
+    def check(self, name: str, interface: TruckInterface, measured: Measured) -> None:
+        """Raises InputError if numbers are none of the channel in any unit, or if one factor would make most
+        samples of a required channel or grade plausible.
+
+        `measured` gives the factor of a channel to what the others say, which decides between units.
         """
+        if self.channel == "speed" and (says := lost_decimals(self.head[1])):
+            raise InputError(f"'{name}': {self.channel}: {says}")
         if self.channel not in _OF_UNITS or not self.outside:
             return
         first = self.tally.aside[self.reason].first
@@ -183,12 +165,7 @@ class Range:
             meaning = CHANNELS[self.channel].meaning
             raise InputError(f"{what}: {self.channel} has the wrong sign ({meaning}): give it 'scale: -1'")
         values = np.concatenate(self._values)[:_KEPT] if self._values else np.zeros(0)
-        if not len(values) or self.outside <= _SUSPECT_SHARE * self._nonzero:
-            return
-        same = bool(values.min() == values.max())
-        code = same and (self.outside < self._nonzero or _is_code(float(values[0])))
-        most = self.outside > 0.5 * self._nonzero and not code
-        if not most and self._gradual <= 0.5 * self._crossings:
+        if not self._is_of_other_unit(values):
             return
         unit = interface.unit(self.channel)
         if (self.channel, unit) == ("engine_command", "percent") and values.max() <= RAW_TORQUE[1]:
@@ -196,12 +173,37 @@ class Range:
                 f"{what}: percent torque of J1939 without its offset. Give it 'offset: {-RAW_TORQUE[0]:g}'"
             )
         least, largest, units = _OTHER_UNITS.get((self.channel, unit), (0.0, 0.0, {}))
-        for unit, factor in units.items():
-            if least <= float(np.quantile(values, 0.9)) / factor <= largest:
-                raise InputError(
-                    f"{what}: {self.channel} is {factor:.3g} times too large: {unit}? "
-                    f"Give it its unit, or 'scale: {1 / factor:.6g}'"
-                )
+        usual = float(np.quantile(values, 0.9))
+        fits = {other: factor for other, factor in units.items() if least <= usual / factor <= largest}
+        seen = measured(self.channel)
+        if fits and seen is not None:
+            near = {other: f for other, f in fits.items() if abs(f / seen.factor - 1.0) < NEAR_UNIT}
+            fits = near or {"another unit": seen.factor}
+            what = f"{what} ({seen.factor:.4g} times what {seen.by})"
+        if len(fits) == 1:
+            ((other, factor),) = fits.items()
+            raise InputError(
+                f"{what}: {self.channel} is {factor:.3g} times too large: {other}? "
+                f"Give it its unit, or 'scale: {1 / factor:.6g}'"
+            )
+        if fits:
+            accepted = known_units(self.channel)
+            known = " or ".join(
+                f"'unit: {other}'" if other.lower() in accepted else f"'scale: {1 / factor:.6g}' ({other})"
+                for other, factor in fits.items()
+            )
+            raise InputError(f"{what}: its numbers may be in one of several units. Give it {known}")
+
+    def _is_of_other_unit(self, values: Array) -> bool:
+        """Whether most samples are wrong: most nonzero ones are out of range, or they leave the range as
+        gradually as they change within it, so that those within are wrong too. A fault leaves it by a
+        jump."""
+        if not len(values) or self.outside <= _SUSPECT_SHARE * self._nonzero:
+            return False
+        same = bool(values.min() == values.max())
+        code = same and (self.outside < self._nonzero or _is_code(float(values[0])))
+        most = self.outside > 0.5 * self._nonzero and not code
+        return most or self._gradual > 0.5 * self._crossings
 
 
 def _is_code(value: float) -> bool:

@@ -15,10 +15,21 @@ from numpy.typing import NDArray
 
 from deeptruck_model._io.account import Account, Tally, moment
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.consistency import sensors
+from deeptruck_model.recordings.consistency import accelerometer, agreement
+from deeptruck_model.recordings.consistency.impossible import Places, moving_at_zero
+from deeptruck_model.recordings.consistency.sensors import doubts
 from deeptruck_model.recordings.earth import metres_per_degree
-from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, SNAP, at_ticks, period
-from deeptruck_model.recordings.ranges import NEEDED, REVERSING, Range, reversing
+from deeptruck_model.recordings.interpolate import (
+    GAP_PERIODS,
+    GAP_S,
+    HELD,
+    LATCHED,
+    SNAP,
+    Series,
+    at_ticks,
+    period,
+)
+from deeptruck_model.recordings.ranges import NEEDED, REVERSING, Range, Seen, reversing
 from deeptruck_model.recordings.recording import FROM_SPEED, Recording
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
@@ -27,30 +38,11 @@ Array = NDArray[np.float64]
 MARGIN_S = 60.0  # samples this far around a tick are at hand when it is computed
 NO_SPEED = "recorded while there was no speed"
 DERIVED = "derived where there is no speed"
+JUMPED = "derived where it jumps faster than any truck"
 UNMOVED = "zero while positions move on"
-PLACE_S, MOVED_M_S = 10.0, 3.0  # over which positions move by so much; receivers that stand drift by less
 BURSTS, LARGEST_BURST = 5, 20  # that are seen at least; samples in one
 BURST_PAUSE = 5.0  # times that a pause between bursts is longer than the step within
 _SLOW_S = 1.0  # channels with longer periods reach further than that; they are few and stay in memory
-
-
-@dataclass(frozen=True)
-class Series:
-    """Samples of one channel: time (n,) in s since the start of the source, ascending; values (n,)."""
-
-    time: Array
-    values: Array
-
-    def between(self, after: float, before: float) -> Series:
-        """The samples strictly between two times."""
-        inside = slice(np.searchsorted(self.time, after, side="right"), np.searchsorted(self.time, before))
-        return Series(self.time[inside], self.values[inside])
-
-    @property
-    def valid(self) -> Series:
-        """The samples that are numbers."""
-        known = ~np.isnan(self.values)
-        return Series(self.time[known], self.values[known])
 
 
 @dataclass(frozen=True)
@@ -110,6 +102,7 @@ class Resampler:
         self._ranges: dict[str, Range] = {}
         self._parts: dict[str, list[Series]] = {}
         self._periods: dict[str, float] = {}
+        self._poses: list[tuple[Array, Array, Array]] = []
         self._pieces: list[_Piece] = []  # the last one may still grow
         self._done = -np.inf  # ticks before this are computed
         self._settled = -np.inf  # samples up to this are counted, and at hand no more
@@ -129,7 +122,8 @@ class Resampler:
 
     def _range(self, channel: str, tally: Tally) -> Range:
         if channel not in self._ranges:
-            self._ranges[channel] = Range(channel, tally, self._units.get(channel, ""))
+            unit = self._units.get(channel, "")
+            self._ranges[channel] = Range(channel, tally, unit, self.cuts)
         return self._ranges[channel]
 
     def advance(self, until: float) -> None:
@@ -143,8 +137,7 @@ class Resampler:
             self.dt, self._gap = _step(speed.time, native, self.rate_hz), max(GAP_S, GAP_PERIODS * native)
         backward = reversing(speed.time, speed.values, self._gear_at(speed.time, series))
         below = ~backward & (speed.values < CHANNELS["speed"].low)
-        places = [_joined(self._parts[c]) for c in ("latitude", "longitude") if c in self._parts]
-        unmoved = moving_at_zero(speed, *places) if len(places) == 2 else np.zeros(len(below), dtype=bool)
+        unmoved = moving_at_zero(speed.time, speed.values, self._places(series))
         forward = Series(speed.time, np.where(backward | below | unmoved, np.nan, speed.values))
         clock = (kept := _without_long_nan(forward, self._gap)).time
         for channel, one in series.items():
@@ -164,6 +157,23 @@ class Resampler:
         for channel, one in series.items():
             slow = self._periods.get(channel, np.inf) > _SLOW_S
             self._parts[channel] = [one if slow else one.between(self._settled, np.inf)]
+
+    def add_places(self, time: Array, x_m: Array, y_m: Array) -> None:
+        """Add positions in metres, (n,) each, of which a bag has no channel: the pose of an odometry."""
+        self._poses.append((time, x_m, y_m))
+
+    def _places(self, series: Mapping[str, Series]) -> list[Places]:
+        """Positions over time: the poses, and latitude and longitude."""
+        found = []
+        if self._poses:
+            found.append(Places(*(np.concatenate(part) for part in zip(*self._poses, strict=True))))
+        if {"latitude", "longitude"} <= series.keys():
+            latitude, longitude = (series[c].valid for c in ("latitude", "longitude"))
+            if len(latitude.time) and len(longitude.time):
+                lon = np.interp(latitude.time, longitude.time, longitude.values)
+                east_m, north_m = metres_per_degree(latitude.values[:1])
+                found.append(Places(latitude.time, lon * east_m, latitude.values * north_m))
+        return found
 
     def _gear_at(self, time: Array, series: dict[str, Series]) -> Array:
         if "gear" not in series:
@@ -203,7 +213,7 @@ class Resampler:
         the topics are `ours`, which say what it is. Raises InputError if there are none, or if the unit of a
         required channel must be wrong."""
         for one in self._ranges.values():
-            one.check(self.name, interface)
+            one.check(self.name, interface, self._measured)
         if not self._pieces:
             raise InputError(self._nothing())
         account = self._accounted()
@@ -221,8 +231,14 @@ class Resampler:
             for name, piece in zip(names, self._pieces, strict=True)
         ]
         found = found if ours else _gravity_apart(found, account)
-        account.remarks += [doubt.says for doubt in sensors.doubts(found)]
+        account.remarks += [line for one in self._ranges.values() for line in one.remarks]
+        account.remarks += [doubt.says for doubt in doubts(found)]
         return found
+
+    def _measured(self, channel: str) -> Seen | None:
+        """The factor of a channel's numbers to what the others say."""
+        heads = {c: Series(*one.head) for c, one in self._ranges.items()}
+        return agreement.measured(channel, {c: one for c, one in heads.items() if len(one.time) > 1})
 
     def _accounted(self) -> Account:
         """The account with spans and channels, from the samples added here."""
@@ -315,9 +331,10 @@ class _Piece:
         joined = {channel: np.concatenate(blocks) for channel, blocks in self._blocks.items()}
         channels = {c: v for c, v in joined.items() if c in needed or not np.isnan(v).all()}
         if "acceleration" not in channels or np.isnan(channels["acceleration"]).all():
-            channels["acceleration"] = derive_acceleration(channels["speed"], dt)
+            speed = channels["speed"]
+            channels["acceleration"] = derive_acceleration(speed, dt)
             notes = [*notes, FROM_SPEED]
-            count_derived(account, "acceleration", channels["acceleration"], self.start, dt)
+            count_derived(account, "acceleration", channels["acceleration"], self.start, dt, speed)
         return Recording(name, dt, channels, interface, self.start, tuple(dict.fromkeys(notes)), account)
 
 
@@ -328,7 +345,7 @@ def _gravity_apart(recordings: list[Recording], account: Account) -> list[Record
     for name, other in (("acceleration", "specific_force"), ("specific_force", "acceleration")):
         if any(name not in r.channels for r in recordings) or name not in account.channels:
             continue
-        felt = sensors.felt(recordings, name)
+        felt = accelerometer.felt(recordings, name)
         if felt is None or felt.channel == name:
             continue
         if felt.channel is None:
@@ -346,7 +363,7 @@ def _gravity_apart(recordings: list[Recording], account: Account) -> list[Record
         recordings = [_renamed(r, name, other) for r in recordings]
         if name == "acceleration":
             for r in recordings:
-                count_derived(account, name, r.channels[name], r.start_s, r.dt)
+                count_derived(account, name, r.channels[name], r.start_s, r.dt, r.channels["speed"])
         return recordings
     return recordings
 
@@ -386,42 +403,36 @@ def one_per_burst(channel: str, time: Array, values: Array) -> tuple[Array, Arra
     return np.add.reduceat(time, starts) / sizes, means
 
 
-def moving_at_zero(speed: Series, latitude: Series, longitude: Series) -> NDArray[np.bool_]:
-    """Samples (n,) of zero speed while positions move on, before and behind: zero written for no value."""
-    found = np.zeros(len(speed.time), dtype=bool)
-    inside = (speed.time >= speed.time[0] + PLACE_S) & (speed.time <= speed.time[-1] - PLACE_S)
-    at = np.flatnonzero((speed.values == 0.0) & inside)
-    places = [one.valid for one in (latitude, longitude)]
-    if not len(at) or not all(len(one.time) for one in places):
-        return found
-    ticks = speed.time[at, None] + np.array([-PLACE_S, 0.0, PLACE_S])
-    lat, lon = (np.interp(ticks, one.time, one.values) for one in places)
-    east_m, north_m = metres_per_degree(lat[:, :1])
-    pace = np.hypot(np.diff(lat) * north_m, np.diff(lon) * east_m) / PLACE_S
-    found[at] = pace.min(axis=1) > MOVED_M_S
-    return found
-
-
 def _usual_order(channel: str) -> tuple[int, str]:
     """Sort key: the order of CHANNELS, then user-defined channels."""
     order = list(CHANNELS)
     return (order.index(channel) if channel in CHANNELS else len(order), channel)
 
 
-def count_derived(account: Account, channel: str, values: Array, start: float, dt: float) -> None:
-    """Count the samples (n,) of a derived channel, and those that could not be derived."""
+def count_derived(
+    account: Account, channel: str, values: Array, start: float, dt: float, speed: Array | None = None
+) -> None:
+    """Count the samples (n,) of a derived channel, and those that could not be derived, for lack of a speed
+    or because the `speed` (n,), of which it is the derivative, jumps there."""
     tally, none = account.channel(channel), np.isnan(values)
     tally.read += len(values)
     tally.used += int((~none).sum())
-    tally.set_aside(DERIVED, f"at {moment(start + dt * int(np.argmax(none)))}", int(none.sum()))
+    steps = none if speed is None else np.isnan(np.diff(speed, prepend=np.nan))
+    steps[:1] = steps[1:2]  # the first repeats the second
+    for reason, these in ((DERIVED, none & steps), (JUMPED, none & ~steps)):
+        tally.set_aside(reason, f"at {moment(start + dt * int(np.argmax(these)))}", int(these.sum()))
 
 
 def derive_acceleration(speed: Array, dt: float) -> Array:
-    """Mean acceleration over each step, a(k+1) = (v(k+1) - v(k)) / dt, (n,); the first repeats the second."""
+    """Mean acceleration over each step, a(k+1) = (v(k+1) - v(k)) / dt, (n,); the first repeats the second.
+    NaN beyond what a truck can, as where speed jumps."""
     acceleration = np.zeros_like(speed)
     acceleration[1:] = np.diff(speed) / dt
     acceleration[:1] = acceleration[1:2]
-    return acceleration
+    known = CHANNELS["acceleration"]
+    with np.errstate(invalid="ignore"):
+        possible = (acceleration >= known.low) & (acceleration <= known.high)
+    return np.where(possible, acceleration, np.nan)
 
 
 def _without_long_nan(series: Series, gap: float) -> Series:

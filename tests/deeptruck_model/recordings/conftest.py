@@ -26,5 +26,7 @@ def drive(interface: TruckInterface) -> Recording:
     for name in channels:
         channels[name][rng.integers(0, 600, 5)] = np.nan
     channels["gear"] = np.abs(channels["gear"])  # reversing is no drive
-    channels["speed"][[0, -1]] = 10.0  # a recording begins and ends with a valid speed
+    speed = 20.0 + 10.0 * np.sin(0.02 * np.arange(600)) + rng.uniform(-0.1, 0.1, 600)
+    channels["speed"] = np.where(np.isnan(channels["speed"]), np.nan, speed)
+    channels["speed"][[0, -1]] = speed[[0, -1]]  # a recording begins and ends with a valid speed
     return Recording("drive", 0.1, channels, interface)

@@ -41,8 +41,9 @@ def write_csv(path: Path, columns: dict[str, Any], delimiter: str = ",", encodin
 
 def everything(count: int = 400) -> dict[str, np.ndarray[Any, Any]]:
     rng = np.random.default_rng(0)
-    columns = {"t": np.round(5 + 0.1 * np.arange(count), 3), "v": 36 + rng.uniform(0, 9, count)}
-    for name in ("a", "E_cmd", "B_cmd", "grade", "fuel", "T_e", "h", "v_lead", "T"):
+    t = 0.1 * np.arange(count)
+    columns = {"t": np.round(5 + t, 3), "v": 36 + 9 * np.sin(t / 5), "a": 0.5 * np.cos(t / 5)}
+    for name in ("E_cmd", "B_cmd", "grade", "fuel", "T_e", "h", "v_lead", "T"):
         columns[name] = rng.uniform(0.1, 1.0, count)
     columns |= {"gear": rng.integers(1, 12, count), "rpm": rng.uniform(600, 2000, count)}
     return columns | {"gap": np.round(rng.uniform(5, 50, count) * 8) / 8}

@@ -48,8 +48,6 @@ BAD: list[tuple[str, dict[str, Any], str]] = [  # a table, what its columns have
     ("t,v\n0,1\n1,2\n", {"time": {"column": "t", "unit": "weeks"}}, "unit 'weeks' of 'time'"),
     ("t,v\n0,1\n,2\n1,3\n", {"time": {"column": "t"}}, "1 rows have no time in 't', first line 3"),
     ("v\nx\ny\nz\nx\n", {}, "column 'v' holds no numbers"),
-    ("t;v\n0;1,5\n1;1,6\n", {"delimiter": ";", "time": {"column": "t"}},
-     "column 'v' holds no numbers; its first is '1,5': set decimal: \",\""),
     ("v\n1\n", {}, "has one row"),
     ("v\n", {}, "is empty"),
     ("", {}, "cannot be read|is empty"),

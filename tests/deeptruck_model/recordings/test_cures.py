@@ -89,13 +89,6 @@ ROWS = {
         r"set time: (\{rate_hz: )\.\.\.",
         lambda m, s: {**m, "time": {"rate_hz": 10}},
     ),
-    "decimal comma": Row(
-        D,
-        COLUMNS,
-        r'set decimal: (".")',
-        key("decimal"),
-        lambda text: text.replace(",", ";").replace(".", ","),
-    ),
     "encoding": Row(
         {**D, "Höhe": D["v"]}, COLUMNS, r"set 'encoding' \(([\w-]+)", key("encoding"), encoding="latin-1"
     ),
@@ -105,7 +98,7 @@ ROWS = {
         r"give it (unit: \S+)$",
         of_channel("speed"),
     ),
-    "speed unit by range": Row(D, with_channels(**SI), r"'(scale: [\d.]+)'", of_channel("speed")),
+    "speed unit by range": Row(D, with_channels(**SI), r"'(unit: km/h)'", of_channel("speed")),
     "turned accelerometer": Row(
         {**D, "a": -D["a"]}, with_channels(acceleration=A), r"'(scale: -1)'", of_channel("acceleration")
     ),

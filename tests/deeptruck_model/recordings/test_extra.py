@@ -27,7 +27,7 @@ extra:
 
 
 def test_columns_of_a_table_are_carried_as_they_are_written(tmp_path: Path) -> None:
-    rows = [f"{k / 10},{10 + k % 5},{-90 - k},{k}" for k in range(100)]
+    rows = [f"{k / 10},{10 + k / 20},{-90 - k},{k}" for k in range(100)]
     (tmp_path / "drive.csv").write_text("\n".join(["t,v,T_oil,fan", *rows]) + "\n")
     import_table(tmp_path / "drive.csv", yaml.safe_load(COLUMNS), tmp_path / "bag")
     (again,) = read(tmp_path / "bag")

@@ -26,9 +26,9 @@ def test_a_grade_in_percent_is_no_ratio_and_a_faulty_one_is() -> None:
     percent, faulty = Range("grade", Tally(), "ratio"), Range("grade", Tally(), "ratio")
     percent.masked(time, 100.0 * slope)
     with pytest.raises(InputError, match=r"grade is 100 times too large: percent\? .* 'scale: 0\.01'"):
-        percent.check("drive", interface)
+        percent.check("drive", interface, lambda channel: None)
     faulty.masked(time, np.where(time > 290.0, 3.0, slope))
-    faulty.check("drive", interface)
+    faulty.check("drive", interface, lambda channel: None)
 
 
 @pytest.mark.parametrize("largest", [100.0, 40.0])
@@ -39,4 +39,4 @@ def test_a_pedal_in_percent_that_is_given_as_a_ratio_is_refused(largest: float) 
     own = Range("engine_command", Tally(), "percent")
     own.masked(0.1 * np.arange(3000), 100.0 * pedal)
     with pytest.raises(InputError, match=r"engine_command is 100 times too large.* 'scale: 0\.01'"):
-        own.check("drive", TruckInterface("truck", "percent", "percent"))
+        own.check("drive", TruckInterface("truck", "percent", "percent"), lambda channel: None)

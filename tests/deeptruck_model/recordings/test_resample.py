@@ -227,15 +227,24 @@ def truck(engine_unit: str, brake_unit: str) -> TruckInterface:
     ("channel", "factor", "units", "says"),
     [
         ("speed", 3.6, ("N m", "bar"), r"speed is 3\.6 times too large: km/h\? .*'scale: 0\.277778'"),
-        ("speed", 1 / 0.44704 * 1.3, ("N m", "bar"), r"speed is 3\.6 times too large: km/h\?"),
-        ("speed", 100.0, ("N m", "bar"), r"speed is 100 times too large: cm/s\? .*'scale: 0\.01'"),
-        ("speed", 1000.0, ("N m", "bar"), r"speed is 1e\+03 times too large: mm/s\?"),
+        ("speed", 100.0, ("N m", "bar"), "Give it 'unit: cm/s' or 'unit: mm/s' or 'scale: 0.001"),
+        (
+            "speed",
+            1000.0,
+            ("N m", "bar"),
+            r"Give it 'unit: mm/s' or 'scale: 0.0010\d+' \(counts of 1/256 km/h\)",
+        ),
         ("speed", -1.0, ("N m", "bar"), "speed has the wrong sign .*scale: -1"),
         ("engine_command", 1000.0, ("N m", "bar"), "engine_command is 1e.03 times too large: N mm"),
-        ("engine_command", 10.0, ("percent", "bar"), "engine_command is 100 times too large: 0.01 percent"),
-        ("brake_command", 100.0, ("N m", "bar"), r"brake_command is 100 times too large: kPa\?"),
+        (
+            "engine_command",
+            10.0,
+            ("percent", "bar"),
+            r"Give it 'scale: 0.01' \(0.01 percent\) or 'scale: 0.001'",
+        ),
+        ("brake_command", 100.0, ("N m", "bar"), "Give it 'unit: kPa' or 'scale: 0.001' .mbar"),
         ("brake_command", 1e5, ("N m", "bar"), r"brake_command is 1e\+05 times too large: Pa\?"),
-        ("brake_command", 100.0, ("N m", "percent"), "brake_command is 10 times too large: per mille"),
+        ("brake_command", 100.0, ("N m", "percent"), "Give it 'scale: 0.1' .per mille. or 'scale: 0.01'"),
         ("brake_command", -1.0, ("N m", "bar"), "brake_command has the wrong sign .*scale: -1"),
         ("brake_command", -0.1, ("N m", "m/s^2"), "brake_command has the wrong sign .*scale: -1"),
     ],
@@ -267,9 +276,10 @@ def test_faults_of_a_sensor_are_set_aside_and_counted(share: float, value: float
     recordings = resampled(series)
     speed = balanced(recordings).channels["speed"]
     assert speed.read == 2001
-    assert speed.aside["outside -1..60 m/s"].count == len(faults)
-    assert speed.aside["outside -1..60 m/s"].first == f"at {faults.min() / 10:g} s ({value:g})"
-    assert set(speed.aside) == {"outside -1..60 m/s"}
+    assert speed.left_out == len(faults)
+    if abs(value) > 10:  # else it may be reversing, which no truck begins with such a jump
+        assert speed.aside["outside -1..60 m/s"].first == f"at {faults.min() / 10:g} s ({value:g})"
+        assert set(speed.aside) == {"outside -1..60 m/s"}
     for recording in recordings:
         speeds = recording.channels["speed"]
         assert np.nanmin(speeds) > 18 and np.nanmax(speeds) < 22
@@ -416,7 +426,7 @@ def test_parts_give_what_the_whole_gives() -> None:
     fast = np.sort(fast + rng.normal(0, 1e-3, len(fast)))
     radar = clock(20, 300, 350.0)
     series = {
-        "speed": Series(fast, rng.uniform(0, 30, len(fast))),
+        "speed": Series(fast, 15.0 + 10.0 * np.sin(fast / 20.0) + rng.uniform(-0.1, 0.1, len(fast))),
         "acceleration": Series(fast, rng.normal(size=len(fast))),
         "engine_command": Series(clock(30, 1200), rng.normal(size=36001)),
         "gear": Series(clock(5, 1200), rng.integers(1, 10, 6001).astype(float)),

@@ -14,8 +14,9 @@ from scipy.ndimage import gaussian_filter1d
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
-from deeptruck_model.recordings.consistency import sensors
-from deeptruck_model.recordings.consistency.sensors import ACCELEROMETERS, SPEEDS
+from deeptruck_model.recordings.consistency import accelerometer
+from deeptruck_model.recordings.consistency.agreement import ACCELEROMETERS, SPEEDS, factor_of
+from deeptruck_model.recordings.consistency.windows import CORRELATED
 from deeptruck_model.recordings.not_recorded import unrecorded_braking
 from deeptruck_model.signals import channel_of
 from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
@@ -217,8 +218,8 @@ def acceleration_is_measured(recordings: Sequence[Recording]) -> bool:
 
 def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorFault]:
     """Faults between speed and accelerometer, pooled over the recordings, without a truck model."""
-    found = sensors.accelerometer(recordings)
-    if found is not None and found.correlation < -sensors.CORRELATED:
+    found = accelerometer.accelerometer(recordings)
+    if found is not None and found.correlation < -CORRELATED:
         says = f"the accelerometer has the wrong sign: {found.slope:.2f} times the derivative of speed"
         turned = [
             replace(r, channels={**r.channels, "acceleration": -r.channels["acceleration"]})
@@ -226,11 +227,11 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
         ]
         sign = SensorFault("acceleration_bias", -1.0, 0.0, "1", says)
         return [sign, *sensor_faults(turned, rules)]
-    if found is not None and abs(found.gravity) > sensors.HAS_GRAVITY:
+    if found is not None and abs(found.gravity) > accelerometer.HAS_GRAVITY:
         says = (
             f"acceleration has gravity in it, {GRAVITY * found.gravity:.2f} m/s^2 times the slope of the "
             f"road, and {found.offset:+.3f} m/s^2 whatever happens: a tilt of "
-            f"{sensors.degrees_of_tilt(found.offset):.1f} degrees"
+            f"{accelerometer.degrees_of_tilt(found.offset):.1f} degrees"
         )
         felt = SensorFault("acceleration_bias", found.offset, 0.0, "m/s^2", says)
         level = [_level(r, found) for r in recordings]
@@ -254,7 +255,7 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
     return faults
 
 
-def _level(r: Recording, found: sensors.Accelerometer) -> Recording:
+def _level(r: Recording, found: accelerometer.Accelerometer) -> Recording:
     """The recording with its accelerometer corrected for gravity on slopes; NaN where no grade is known."""
     grade = r.channels.get("grade", np.full(len(r), np.nan))
     felt = found.offset + found.gravity * GRAVITY * np.sin(np.arctan(grade))
@@ -271,7 +272,7 @@ def _late(channel: str, lag_s: float) -> str:
 def _scaled(channel: str, factor: float) -> str:
     """Sentence that a channel is wrong because speed changes `factor` times as much."""
     fits = f"{'speed' if channel == 'acceleration' else 'acceleration'} fits the commands better"
-    taken = sensors.factor_of(factor, SPEEDS | ACCELEROMETERS)
+    taken = factor_of(factor, SPEEDS | ACCELEROMETERS)
     why = f"{taken} is off by as much: check the units in COLUMNS.yaml" if taken else fits
     return f"speed changes {factor:.3f} times as much as the accelerometer says: {why}"
 

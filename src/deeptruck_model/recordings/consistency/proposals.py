@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.candidates import OURS, Candidate, Proposal
-from deeptruck_model.recordings.consistency import sensors
+from deeptruck_model.recordings.consistency import accelerometer, agreement, sensors
+from deeptruck_model.recordings.consistency.impossible import changed_unit, lost_decimals
+from deeptruck_model.recordings.consistency.windows import CORRELATED, late
 from deeptruck_model.recordings.extract import SIDEWAYS
+from deeptruck_model.recordings.interpolate import Series
 from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.recordings.resample import Series, uniform
+from deeptruck_model.recordings.resample import uniform
 from deeptruck_model.recordings.topic_map import Taken
 from deeptruck_model.recordings.units import conversion
 from deeptruck_model.signals import TruckInterface
@@ -26,6 +29,7 @@ Values = Callable[[Candidate], tuple[Array, Array] | None]
 
 APART_M_S = 0.5  # rms: speeds of two sources that differ by more are both named
 ONE_UNIT = (0.85, 1.18)  # of a value over what others give; units differ by 1.15 (mph, knot) and more
+NEAREST = 0.3  # of the next unit's misfit, in logs, that a unit may have
 TOP_GEAR = 2.8  # rad of the crankshaft for a metre: fewer no road vehicle has in its highest gear
 LEAST_MOVING = 30  # samples, to judge by engine speed
 COMPARED = (
@@ -52,15 +56,51 @@ def settled(found: Proposal, values: Values, across: Callable[[Candidate], Candi
                 across=other.field.path,
                 why=f"{one.why.partition(':')[0]}: {' and '.join(both)} move, as east and north: their norm",
             )
+    for channel in COMPARED:
+        if channel in found.candidates:
+            found.candidates[channel][:] = [_possible(one, values) for one in found.candidates[channel]]
+            found.candidates[channel].sort(key=lambda one: not one.unit and bool(one.needs))
     speed = found.taken("speed")
     if speed is None:
         return []
     _accelerometers(found, speed, values)
+    _grades(found, speed, values)
     taken = ((channel, found.taken(channel)) for channel in COMPARED)
     proposed = {channel: one for channel, one in taken if one is not None}
     others = [other for other in speeds if other.unit and other is not speed and not across(other)]
     apart = [says for other in others if (says := _apart(speed, other, values))]
     return [*apart, *(doubt.says for doubt in sensors.doubts(_recordings(proposed, values)))]
+
+
+def _possible(one: Candidate, values: Values) -> Candidate:
+    """The candidate without its unit, if no truck has such numbers: a speed that is 0 all the time, or one
+    whose decimal points were lost."""
+    if one.sure == OURS or one.role is Role.COMMANDED:
+        return one
+    if one.channel == "speed" and one.field.still and not one.across:
+        return replace(one, unit="", needs="another source: this one never changes")
+    held = values(one) if one.channel in ("speed", "elevation", "engine_speed") else None
+    needs = ""
+    if held is not None and (says := lost_decimals(held[1])):
+        needs = f"numbers with their decimal points: {says}"
+    elif held is not None and one.channel == "speed" and (change := changed_unit(*held)):
+        needs = f"one unit: it {change}"
+    return replace(one, unit="", needs=needs) if needs else one
+
+
+def _grades(found: Proposal, speed: Candidate, values: Values) -> None:
+    """Take its unit from each candidate of grade that is no slope of the road by the other channels."""
+    beside = {"speed": speed, "elevation": found.taken("elevation")}
+    several = found.candidates.get("grade", [])
+    for k, one in enumerate(several):
+        drive = {
+            c: other for c, other in {**beside, "grade": one}.items() if other is not None and other.unit
+        }
+        doubts = agreement.grade_doubts(_recordings(drive, values)) if one.unit and one.sure != OURS else ()
+        no_slope = next((doubt.says for doubt in doubts if doubt.wrong), "")
+        if no_slope:
+            several[k] = replace(one, unit="", needs=f"another source: {no_slope}")
+    several.sort(key=lambda one: not one.unit)
 
 
 def _apart(speed: Candidate, other: Candidate, values: Values) -> str:
@@ -69,7 +109,7 @@ def _apart(speed: Candidate, other: Candidate, values: Values) -> str:
     if not all(drives) or drives[0][0].dt != drives[1][0].dt:
         return ""
     one, two = (parts[0].channels["speed"] for parts in drives)
-    late_s, at_once, shifted = sensors.late(one, two, drives[0][0].dt)
+    late_s, at_once, shifted = late(one, two, drives[0][0].dt)
     if at_once < APART_M_S:
         return ""
     says = f"{other.label} differs from {speed.label} by {at_once:.1f} m/s rms"
@@ -88,8 +128,8 @@ def _accelerometers(found: Proposal, speed: Candidate, values: Values) -> None:
     for one in every:
         drive = {"speed": speed, one.channel: one} | ({} if grade is None else {"grade": grade})
         if one.unit and one.sure != OURS and (pieces := _recordings(drive, values)):
-            one = _followed(one, sensors.accelerometer(pieces, one.channel))
-            felt = sensors.felt(pieces, one.channel) if one.follows else None
+            one = _followed(one, accelerometer.accelerometer(pieces, one.channel), normed=bool(speed.across))
+            felt = accelerometer.felt(pieces, one.channel) if one.follows else None
             if felt is not None and felt.channel not in (None, one.channel):
                 one = replace(one, channel=str(felt.channel), why=f"{one.why}; {felt.by}")
             elif felt is not None and felt.channel is None and one.channel == "acceleration":
@@ -101,13 +141,16 @@ def _accelerometers(found: Proposal, speed: Candidate, values: Values) -> None:
             found.candidates[kind] = several
 
 
-def _followed(one: Candidate, found: sensors.Accelerometer | None) -> Candidate:
-    """The candidate with evidence for or against it."""
+def _followed(one: Candidate, found: accelerometer.Accelerometer | None, *, normed: bool) -> Candidate:
+    """The candidate with evidence for or against it; beside a speed that is the norm of two components, one
+    component of the acceleration is none along the truck."""
     if found is None:
         return one
     by = f"slope {found.slope:.2f} on the derivative of speed, correlation {found.correlation:.2f}"
-    if found.still < sensors.STILL or abs(found.correlation) < sensors.CORRELATED:
-        still = "stands still" if found.still < sensors.STILL else "does not follow it"
+    partial = normed and not accelerometer.TURNED < abs(found.slope) < 1.0 / accelerometer.TURNED
+    if partial or found.still < accelerometer.STILL or abs(found.correlation) < CORRELATED:
+        still = "stands still" if found.still < accelerometer.STILL else "does not follow it"
+        still = "is one component" if partial and abs(found.correlation) >= CORRELATED else still
         needs = f"another sensor or axis: while the speed changes this one {still} ({by})"
         return replace(one, unit="", needs=needs)
     if found.correlation < 0.0:
@@ -117,25 +160,31 @@ def _followed(one: Candidate, found: sensors.Accelerometer | None) -> Candidate:
 
 
 def unit_of(
-    channel: str, units: Sequence[str], column: Series, known: Mapping[str, list[tuple[str, Series]]]
-) -> tuple[str, str]:
-    """The unit among `units` in which a column of speed, acceleration or grade agrees with columns of known
-    units, and the reason; '' if there is none.
+    channel: str,
+    options: Sequence[tuple[str, float]],
+    column: Series,
+    known: Mapping[str, list[tuple[str, Series]]],
+) -> tuple[str, float, str]:
+    """The unit and scale among `options` in which a column of speed, acceleration or grade agrees with
+    columns of known units, and the reason; '' if there is none.
 
     `known` are the columns of other channels in SI, with their names; those of a distance travelled have
     their own.
     """
     for what, others in _partners(channel, known):
-        found = [unit for unit in units if unit and _agrees(channel, unit, column, others)]
-        if len(found) == 1:
-            return found[0], f"{found[0]} by agreement with {what}"
+        off = {one: _off(channel, one, column, others) for one in options if one[0]}
+        near = sorted((abs(np.log(factor)), one) for one, factor in off.items() if factor is not None)
+        if near and (len(near) == 1 or near[0][0] < NEAREST * near[1][0]):
+            unit, scale = near[0][1]
+            counts = "" if scale == 1.0 else f"counts of {scale:.4g} "
+            return unit, scale, f"{counts}{unit} by agreement with {what}"
     for what, engine in known.get("engine_speed", []) if channel == "speed" else ():
         moving = (column.values > 0.4 * np.nanmax(column.values)) & (engine.values > 0.0)
-        left = [unit for unit in units if unit != "m/s"]
+        left = [unit for unit, scale in options if unit != "m/s" and scale == 1.0]
         turns = engine.values[moving] / column.values[moving]
         if moving.sum() >= LEAST_MOVING and len(left) == 1 and np.quantile(turns, 0.05) < TOP_GEAR:
-            return left[0], f"no m/s by the engine speed in '{what}', so {left[0]}"
-    return "", ""
+            return left[0], 1.0, f"no m/s by the engine speed in '{what}', so {left[0]}"
+    return "", 1.0, ""
 
 
 def _partners(
@@ -144,11 +193,11 @@ def _partners(
     """What a channel can be compared with, and the columns for it."""
     speeds = known.get("speed", [])
     if channel == "speed":
-        yield from ((f"'{name}'", {sensors.OTHER_SPEED: one}) for name, one in speeds)
+        yield from ((f"'{name}'", {agreement.OTHER_SPEED: one}) for name, one in speeds)
         for name, one in known.get("acceleration", []):
             yield f"the acceleration in '{name}'", {"acceleration": one}
         for name, several in known.items():
-            if sensors.metres_of(name):
+            if agreement.metres_of(name):
                 yield f"the distance in '{name}'", {name: several[0][1]}
         for north, east in zip(known.get("latitude", []), known.get("longitude", []), strict=False):
             yield f"the positions in '{north[0]}'", {"latitude": north[1], "longitude": east[1]}
@@ -160,17 +209,24 @@ def _partners(
                 yield f"the height in '{name}'", {"elevation": height, "speed": speed}
 
 
-def _agrees(channel: str, unit: str, column: Series, others: Mapping[str, Series]) -> bool:
-    """Whether a column in this unit is about what the others give."""
-    read = Series(column.time, conversion(channel, unit)(column.values))
+def _off(
+    channel: str, option: tuple[str, float], column: Series, others: Mapping[str, Series]
+) -> float | None:
+    """The factor of a column in this unit and scale to what the others give; None if it is none of it."""
+    unit, scale = option
+    read = Series(column.time, conversion(channel, unit)(scale * column.values))
     try:
         drives = uniform({**others, channel: read}, name="proposed", interface=TruckInterface("proposed"))
     except InputError:
-        return False
+        return None
     least, most = ONE_UNIT
-    return any(
-        least < one.factor < most and not one.correlation < sensors.CORRELATED
-        for one in sensors.comparisons(drives, channel)
+    return next(
+        (
+            one.factor
+            for one in agreement.comparisons(drives, channel)
+            if least < one.factor < most and not one.correlation < CORRELATED
+        ),
+        None,
     )
 
 

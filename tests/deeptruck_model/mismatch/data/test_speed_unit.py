@@ -14,7 +14,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks, speed_unit
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.recordings.consistency.sensors import ACCELEROMETERS, SPEEDS, factor_of
+from deeptruck_model.recordings.consistency.agreement import ACCELEROMETERS, SPEEDS, factor_of
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Run
 from deeptruck_model.trucks import driving_cycles

@@ -16,8 +16,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import Recording, import_table, ranges, suggest_columns
-from deeptruck_model.recordings.consistency import sensors
+from deeptruck_model.recordings import Recording, import_table, suggest_columns
+from deeptruck_model.recordings.consistency import accelerometer, impossible, sensors
 from deeptruck_model.recordings.consistency.proposals import unit_of
 from deeptruck_model.recordings.recording import FROM_SPEED
 from deeptruck_model.recordings.resample import Series
@@ -99,14 +99,14 @@ def test_tilt_and_gravity_are_found_by_the_grade() -> None:
     t = 0.1 * np.arange(3000)
     grade, tilt = 0.04 * np.sin(t / 23), np.radians(2.0)
     felt = np.gradient(speed(t), t) * np.cos(tilt) + 9.80665 * np.sin(np.arctan(grade) + tilt)
-    found = sensors.accelerometer([recording(acceleration=felt, grade=grade)])
+    found = accelerometer.accelerometer([recording(acceleration=felt, grade=grade)])
     assert found is not None
     assert found.gravity == pytest.approx(1.0, abs=0.02)
     assert np.degrees(np.arcsin(found.offset / 9.80665)) == pytest.approx(2.0, abs=0.05)
     assert found.slope == pytest.approx(1.0, abs=0.02)
     (line,) = said(specific_force=felt, grade=grade)
     assert "specific_force is +0.34 m/s² off" in line and "tilted by 2.0 degrees" in line
-    kind = sensors.felt([recording(acceleration=felt, grade=grade)], "acceleration")
+    kind = accelerometer.felt([recording(acceleration=felt, grade=grade)], "acceleration")
     assert kind is not None and kind.channel == "specific_force" and "1.00 g times the recorded" in kind.by
 
 
@@ -178,10 +178,10 @@ def test_minus_one_percent_is_no_value_where_it_is_jumped_to() -> None:
     t = 0.1 * np.arange(100)
     command = np.where(t < 5.0, 40.0, 0.0)
     command[30:33] = -1.0
-    ((reason, found),) = ranges.no_values("engine_command", "percent", t, command)
+    ((reason, found),) = impossible.impossible("engine_command", "percent", t, command)
     assert "not available" in reason and list(np.flatnonzero(found)) == [30, 31, 32]
     retarding = np.where(t > 8.0, -10.0 * (t - 8.0) - 1.0, command)
-    assert not list(ranges.no_values("engine_command", "percent", t, retarding))
+    assert not list(impossible.impossible("engine_command", "percent", t, retarding))
 
 
 def test_grade_is_held_against_height() -> None:
@@ -224,7 +224,7 @@ def test_drop_outs_of_speed_are_set_aside_and_counted(tmp_path: Path, code: floa
     assert np.nanmin(values) > 7.0 and np.nanmax(np.abs(gained)) < 1.5
     account = done.recordings[0].account
     assert account is not None and account.balanced
-    assert account.channels["speed"].aside[ranges.DROPPED].count == count
+    assert account.channels["speed"].aside[impossible.DROPPED].count == count
     derived = account.channels["acceleration"]
     assert derived.read == sum(map(len, done.recordings)) and derived.used == int(np.isfinite(gained).sum())
 
@@ -232,25 +232,25 @@ def test_drop_outs_of_speed_are_set_aside_and_counted(tmp_path: Path, code: floa
 def test_a_standstill_is_no_drop_out() -> None:
     t = 0.1 * np.arange(400)
     v = np.clip(20 - 2.0 * t, 0, None)
-    assert list(ranges.no_values("speed", "m/s", t, v)) == []
+    assert list(impossible.impossible("speed", "m/s", t, v)) == []
     v[50:60] = 0.0
-    ((reason, these),) = ranges.no_values("speed", "m/s", t, v)
-    assert reason == ranges.DROPPED and these.sum() == 10
+    ((reason, these),) = impossible.impossible("speed", "m/s", t, v)
+    assert reason == impossible.DROPPED and these.sum() == 10
 
 
 def test_a_standstill_behind_a_cut_is_no_drop_out() -> None:
     """A log of several drives without their gaps, which ends standing."""
     t = np.arange(400.0)
     v = np.where(t < 300, 20.0 + np.sin(t / 9), 0.0)
-    assert list(ranges.no_values("speed", "m/s", t, v)) == []
-    assert list(ranges.no_values("speed", "m/s", t, v[::-1])) == []
+    assert list(impossible.impossible("speed", "m/s", t, v)) == []
+    assert list(impossible.impossible("speed", "m/s", t, v[::-1])) == []
 
 
 def test_places_and_heights_before_a_fix() -> None:
     t = 0.1 * np.arange(100)
     for channel, value in (("latitude", 49.0), ("longitude", -8.0), ("elevation", 300.0)):
         values = np.where(t < 2.0, 0.0, value + 1e-5 * t)
-        ((_, these),) = ranges.no_values(channel, "", t, values)
+        ((_, these),) = impossible.impossible(channel, "", t, values)
         assert these.sum() == 20 and these[:20].all()
 
 
@@ -313,5 +313,6 @@ def test_the_unit_of_a_speed_agrees_with_places_though_the_receiver_showed_zero(
         "longitude": [("lon", Series(t, np.full(1800, 8.0)))],
     }
     for unit, factor in (("m/s", 1.0), ("km/h", 3.6)):
-        found, why = unit_of("speed", ["m/s", "km/h", "mph"], Series(t, factor * v), known)
-        assert found == unit and "the positions in 'lat'" in why
+        options = [(one, 1.0) for one in ("m/s", "km/h", "mph")]
+        found, scale, why = unit_of("speed", options, Series(t, factor * v), known)
+        assert (found, scale) == (unit, 1.0) and "the positions in 'lat'" in why

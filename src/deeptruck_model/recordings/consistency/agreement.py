@@ -1,0 +1,325 @@
+"""Whether speed and grade follow every other channel that says the same thing, and by which factor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.constants import GRAVITY
+from deeptruck_model.recordings.channel_words import LEADER
+from deeptruck_model.recordings.consistency.accelerometer import UNRELATED, accelerometer
+from deeptruck_model.recordings.consistency.windows import (
+    CORRELATED,
+    DRIVING_M_S,
+    LEAST,
+    LEAST_SLOW,
+    MOVING_M_S,
+    SCALE,
+    SLOW_S,
+    WINDOW_S,
+    Doubt,
+    windows,
+)
+from deeptruck_model.recordings.earth import metres_per_degree
+from deeptruck_model.recordings.interpolate import Series
+from deeptruck_model.recordings.ranges import Seen
+from deeptruck_model.recordings.recording import FROM_SPEED, Recording
+from deeptruck_model.recordings.tables.header_words import header
+from deeptruck_model.signals import CHANNELS, TruckInterface
+
+Array = NDArray[np.float64]
+
+COARSE = 0.1  # of the way in a window: positions of a larger step give no speed
+LENGTHS = {"m": 1.0, "km": 1000.0, "mi": 1609.344, "ft": 0.3048}
+OTHER_SPEED = "another speed"  # name of a second speed that is compared
+TRAVELLED = frozenset(("distance", "odometer", "trip", "total", "mileage"))
+NEAR_UNIT = 0.02  # relative, as tyres differ
+SPEEDS = {  # what speed is multiplied by where it is read so
+    3.6: "km/h read as m/s",
+    1 / 3.6: "m/s read as km/h",
+    2.2369: "mph read as m/s",
+    1 / 2.2369: "m/s read as mph",
+    1.6093: "km/h read as mph",
+    1 / 1.6093: "mph read as km/h",
+    1.9438: "knots read as m/s",
+    1 / 1.9438: "m/s read as knots",
+}
+ACCELEROMETERS = {  # the same, compared with an accelerometer that is read so
+    1 / 9.80665: "an accelerometer in m/s^2 read as g",
+    9.80665: "an accelerometer in g read as m/s^2",
+}
+SLOPES = {  # what gravity has to a slope that is read so
+    -1.0: "uphill is positive: give it 'scale: -1'",
+    0.573: "percent read as degrees, or a speed in mph read as km/h? Give both their units",
+    1.745: "degrees read as percent, or a speed in km/h read as mph? Give both their units",
+}
+OTHER_SLOPE = "is it of this road, on this clock and in its unit?"
+NEAR_SLOPE = 0.15  # relative: wheels and engine turn with the truck
+WEIGHTED = 0.25  # by which gravity may seem to differ, as engine and tyres are not known; and standard errors
+LEAST_DRIVEN, DRIVEN_SD, BLOCKS = 60, 4.0, 10  # windows without brakes; parts that are left out in turn
+
+LEAST_VARIED = 20  # windows by which one is seen not to follow the other
+VARIED_M_S = 1.0  # standard deviation of speeds that can be correlated
+# of differences between windows: m/s^2 of dv/dt and slope that can be correlated; correlation of a body's
+# pitch, and its share of the slope that would slow a truck as much
+LEAST_CHANGE, LEAST_PITCH, PITCHED, MOST_PITCH = 0.1, 0.0005, 0.8, 0.4
+GRADE_OFF, OFF_SD = 0.01, 5.0  # slope, and standard errors, that a grade may be off on average
+STEP_S = 0.1  # of a drive that is put together for a comparison
+
+
+def factor_of(factor: float, taken: Mapping[float, str]) -> str:
+    """The unit error that explains a factor, among those `taken` for others; '' for most factors."""
+    return next((what for known, what in taken.items() if abs(factor / known - 1.0) < NEAR_UNIT), "")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A channel is `factor` times what `by` gives; `correlation` is that of the two, NaN if it was not
+    looked at. `otherwise` is the cure apart from a scale or unit, `windows` the number compared."""
+
+    by: str
+    factor: float
+    correlation: float = np.nan
+    otherwise: str = ""
+    windows: int = 0
+
+
+def comparisons(recordings: Sequence[Recording], channel: str) -> Iterator[Comparison]:
+    """Speed, acceleration or grade against each other channel that gives it too."""
+    if channel == "grade":
+        yield from _grade_by_height(recordings)
+        return
+    derived = any(FROM_SPEED in r.notes for r in recordings)
+    found = None if derived else accelerometer(recordings)
+    if found is not None and found.slope:
+        factor = found.slope if channel == "acceleration" else 1.0 / found.slope
+        by = "the derivative of speed gives" if channel == "acceleration" else "acceleration gives"
+        yield Comparison(by, factor, found.correlation)
+    if channel == "speed":
+        yield from _speed_by_speed(recordings)
+        yield from _speed_by_places(recordings)
+        yield from _speed_by_distance(recordings)
+
+
+def _speed_by_speed(recordings: Sequence[Recording]) -> Iterator[Comparison]:
+    _, speed, other = windows(recordings, WINDOW_S, "speed", "speed", OTHER_SPEED)
+    use = np.isfinite(speed) & np.isfinite(other)
+    speed, other = speed[use], other[use]
+    if len(speed) >= LEAST and speed.std() and other.std():
+        factor = float(speed @ other / (other @ other))
+        yield Comparison("another speed gives", factor, float(np.corrcoef(speed, other)[0, 1]))
+
+
+def _speed_by_places(recordings: Sequence[Recording]) -> Iterator[Comparison]:
+    """By latitude and longitude over SLOW_S, or in a short drive over WINDOW_S if these are fine enough."""
+    places = [r.channels["latitude"] for r in recordings if "latitude" in r.channels]
+    coarse = max(map(_resolution, places), default=0.0)
+    for window_s in (SLOW_S, WINDOW_S):
+        north, speed, latitude = windows(recordings, window_s, "latitude", "speed", "latitude")
+        (east,) = windows(recordings, window_s, "longitude")
+        if len(east) != len(north):
+            return
+        east_m, north_m = metres_per_degree(latitude)
+        pace = np.hypot(north * north_m, east * east_m)
+        least = np.maximum(MOVING_M_S, coarse * north_m / (COARSE * window_s))
+        moving = (speed > DRIVING_M_S) & (pace > least)
+        if moving.sum() < LEAST_SLOW:
+            continue
+        varied = min(speed[moving].std(), pace[moving].std()) > VARIED_M_S and moving.sum() >= LEAST_VARIED
+        yield Comparison(
+            "latitude and longitude give",
+            float(np.median(speed[moving] / pace[moving])),
+            float(np.corrcoef(speed[moving], pace[moving])[0, 1]) if varied else np.nan,
+            otherwise="leave the places out",
+        )
+        return
+
+
+def _resolution(values: Array) -> float:
+    """The smallest step between values (n,) of a channel; 0 if it is constant."""
+    known = np.unique(values[np.isfinite(values)])
+    return float(np.diff(known).min(initial=np.inf)) if len(known) > 1 else 0.0
+
+
+def _speed_by_distance(recordings: Sequence[Recording]) -> Iterator[Comparison]:
+    """By channels under user-defined names that state a length, such as trip_km."""
+    for name in dict.fromkeys(c for r in recordings for c in r.channels if c not in CHANNELS):
+        if not (metres := metres_of(name)):
+            continue
+        rise, speed = windows(recordings, SLOW_S, name, "speed")
+        moving = (speed > DRIVING_M_S) & (metres * rise > MOVING_M_S)
+        if moving.sum() >= LEAST_SLOW:
+            factor = float(np.sum(speed[moving]) / np.sum(metres * rise[moving]))
+            yield Comparison(f"'{name}' gives", factor, otherwise=f"leave '{name}' out")
+
+
+def speed_doubts(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    """Doubts about a speed that does not follow places or a distance, or is a factor of what they give."""
+    for one in (*_speed_by_places(recordings), *_speed_by_distance(recordings)):
+        if one.correlation < UNRELATED:
+            yield Doubt(
+                "speed",
+                f"speed does not follow what {one.by} (correlation {one.correlation:.2f}): are both of one "
+                f"vehicle, on one clock? Take another speed, or {one.otherwise}",
+                wrong=True,
+            )
+        elif not SCALE[0] ** 0.25 < one.factor < SCALE[1] ** 0.25:
+            what = factor_of(one.factor, SPEEDS)
+            why = f" ({what}): give it its unit" if what else f": correct it by 'scale: {1 / one.factor:.4g}'"
+            says = f"speed is {one.factor:.3f} times what {one.by}{why}, or {one.otherwise}"
+            yield Doubt("speed", says, bool(what), one.factor)
+
+
+def measured(channel: str, series: Mapping[str, Series]) -> Seen | None:
+    """The factor of a speed, in whatever unit, to places, a distance or an accelerometer; None without any.
+
+    `series` are the channels as they came; the speed need not be possible.
+    """
+    if channel != "speed" or "speed" not in series:
+        return None
+    found = list(comparisons([as_drive(series)], "speed"))
+    sound = [one for one in found if one.factor > 0.0 and not one.correlation < CORRELATED]
+    places = [one for one in sound if np.isnan(one.correlation) or "acceleration" not in one.by]
+    best = next(iter([*places, *sound]), None)
+    return None if best is None else Seen(best.by, best.factor)
+
+
+def as_drive(series: Mapping[str, Series]) -> Recording:
+    """Channels on one clock, as one recording, whatever their numbers are; for comparisons only."""
+    times = [one.valid.time for one in series.values() if len(one.valid.time) > 1]
+    begin, end = max(t[0] for t in times), min(t[-1] for t in times)
+    ticks = np.arange(begin, max(end, begin + 2 * STEP_S), STEP_S)
+    channels = {
+        c: np.interp(ticks, one.valid.time, one.valid.values)
+        for c, one in series.items()
+        if len(one.valid.time)
+    }
+    return Recording("compared", STEP_S, channels, TruckInterface("compared"))
+
+
+def metres_of(name: str) -> float:
+    """Unit of a column of distance travelled, in m, by its name; 0 for any other column."""
+    named = header(name)
+    return LENGTHS.get(named.unit, 0.0) if named.words & TRAVELLED and not named.words & LEADER else 0.0
+
+
+def grade_doubts(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    """The doubt from the body's pitch or from heights; where there is none, that from the motion."""
+    without = (
+        ", and it is derived from elevation" if any("elevation" in r.channels for r in recordings) else ""
+    )
+    pitch = _pitch(recordings)
+    if pitch is not None:
+        yield Doubt(
+            "grade",
+            f"grade follows the derivative of speed ({np.degrees(pitch.factor):+.2f} degrees per m/s², "
+            f"correlation {pitch.correlation:.2f}), as the pitch of the body or of a phone does: it is no "
+            f"slope of the road; leave it out{without}",
+            wrong=True,
+        )
+        return
+    for one in _grade_by_height(recordings):
+        says = f"grade is {one.factor:.3g} times what {one.by} (correlation {one.correlation:.2f})"
+        if one.correlation < -CORRELATED:
+            yield Doubt("grade", f"{says}: uphill is positive, give it 'scale: -1'", factor=-1.0)
+            return
+        if one.correlation > CORRELATED and not 0.33 < one.factor < 3.0:
+            cure = f"give it its unit (ratio, percent, deg), or 'scale: {1 / one.factor:.3g}'"
+            yield Doubt("grade", f"{says}: {cure}", factor=one.factor)
+            return
+        if one.correlation < UNRELATED and one.windows >= LEAST_VARIED:
+            yield Doubt(
+                "grade",
+                f"grade does not follow what {one.by} (correlation {one.correlation:.2f}): leave it "
+                f"out{without}, or leave elevation out",
+                wrong=True,
+            )
+            return
+    off = _grade_offset(recordings)
+    if off:
+        yield Doubt(
+            "grade",
+            f"grade is {off:+.3f} off what height over distance gives: correct it by 'offset', or leave it "
+            f"out{without}",
+        )
+        return
+    yield from _grade_by_motion(recordings)
+
+
+def _pitch(recordings: Sequence[Recording]) -> Comparison | None:
+    """The grade against dv/dt, by what both change by from window to window, in which no road changes as the
+    speed does. A road slows a truck by g times its slope; a body pitches by a tenth of that or less."""
+    rise, grade = windows(recordings, WINDOW_S, "speed", "grade")
+    known = np.isfinite(rise) & np.isfinite(grade)
+    d, g = np.diff(rise[known]), np.diff(grade[known])
+    if len(d) < LEAST_VARIED or d.std() < LEAST_CHANGE or g.std() < LEAST_PITCH:
+        return None
+    correlation, factor = float(np.corrcoef(d, g)[0, 1]), float(d @ g / (d @ d))
+    follows = abs(correlation) > PITCHED and abs(factor) < MOST_PITCH / GRAVITY
+    return Comparison("the derivative of speed gives", factor, correlation) if follows else None
+
+
+def _grade_offset(recordings: Sequence[Recording]) -> float:
+    """What the mean of grade is off that of height over distance; 0 where errors of heights may explain
+    it."""
+    rise, grade = _slopes_of_height(recordings)
+    if len(rise) < LEAST_SLOW:
+        return 0.0
+    apart = grade - rise
+    error = float(apart.std() / np.sqrt(len(apart)))
+    off = float(apart.mean())
+    return off if abs(off) > max(GRADE_OFF, OFF_SD * error) else 0.0
+
+
+def _grade_by_motion(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    """The slope by its share in dv/dt, which gravity makes -g: robust least squares with engine command, its
+    power, speed and its square, while no brake acts."""
+    names = ("grade", "engine_command", "brake_command", "speed")
+    rise, grade, engine, brake, speed = windows(recordings, WINDOW_S, "speed", *names)
+    fall = GRAVITY * np.sin(np.arctan(grade))
+    use = np.isfinite(rise + fall + engine) & (speed > DRIVING_M_S) & ~(brake > 0.0)
+    if use.sum() < LEAST_DRIVEN or not all(x[use].std() for x in (rise, fall, engine)):
+        return
+    rise, fall, engine, speed = rise[use], fall[use], engine[use], speed[use]
+    X = np.stack([fall, engine, engine / speed, engine > 0.0, speed, speed**2, np.ones(len(speed))], axis=1)
+    scale = float(np.abs(fall).max())
+    X = X / np.abs(X).max(axis=0)
+    w = np.ones(len(rise))
+    for _ in range(8):  # gear changes must not decide
+        e = rise - X @ _solved(X, rise, w)
+        w = 1.0 / (1.0 + (e / max(2.0 * 1.4826 * float(np.median(np.abs(e))), 1e-9)) ** 2)
+    blocks = np.arange(len(w)) * BLOCKS // len(w)  # windows that follow one another are not independent
+    each = [-_solved(X, rise, w * (blocks != k))[0] / scale for k in range(BLOCKS)]
+    factor, sd = float(-_solved(X, rise, w)[0] / scale), float(np.sqrt(BLOCKS - 1.0) * np.std(each))
+    if abs(factor - 1.0) > WEIGHTED + DRIVEN_SD * sd:
+        why = min(SLOPES, key=lambda known: abs(factor / known - 1.0))
+        says = SLOPES[why] if abs(factor / why - 1.0) < NEAR_SLOPE + DRIVEN_SD * sd else OTHER_SLOPE
+        yield Doubt(
+            "grade",
+            f"the truck feels {factor:.2f} (+- {2.0 * sd:.2f}) times the recorded grade in its speed: {says}",
+            factor=1.0 / factor,
+        )
+
+
+def _solved(X: Array, y: Array, weights: Array) -> Array:
+    """Weighted least squares of y (n,) on the columns of X."""
+    root = np.sqrt(weights)
+    return np.asarray(np.linalg.lstsq(X * root[:, None], y * root, rcond=None)[0])
+
+
+def _grade_by_height(recordings: Sequence[Recording]) -> Iterator[Comparison]:
+    rise, grade = _slopes_of_height(recordings)
+    if len(rise) >= LEAST_SLOW and rise.std() >= 0.005 and grade.std():
+        factor = float(grade @ rise / (rise @ rise))
+        found = float(np.corrcoef(rise, grade)[0, 1])
+        yield Comparison("height over distance gives", factor, found, windows=len(rise))
+
+
+def _slopes_of_height(recordings: Sequence[Recording]) -> tuple[Array, Array]:
+    """Slopes by height over distance, and by the grade, in windows (n,) of SLOW_S."""
+    climb, speed, grade = windows(recordings, SLOW_S, "elevation", "speed", "grade")
+    use = np.isfinite(climb) & np.isfinite(grade) & (speed > DRIVING_M_S)
+    return climb[use] / speed[use], grade[use]

@@ -1,0 +1,271 @@
+"""What no truck can do in the samples of one channel: codes, drop-outs, spikes, values that stand still, and
+changes of the zero. It is found before anything is derived, in every reader alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model._io.account import moment
+from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S
+from deeptruck_model.signals import CHANNELS
+from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Change:
+    """How a channel changes from sample to sample: by at most `step` + `rate` times the seconds between, and
+    at most `back` times them there and back; in units of the channel. `least` is a step that a fine sensor
+    does not exceed."""
+
+    step: float
+    rate: float
+    back: float
+    least: float
+
+
+CHANGES = {
+    "speed": Change(2.0, IMPOSSIBLE_ACCELERATION, 6.0, 0.6),  # many sensors show zero below 2 m/s
+    "elevation": Change(20.0, 10.0, 5.0, 4.0),
+    "latitude": Change(0.01, 0.001, 0.001, 0.01),
+    "longitude": Change(0.01, 0.001, 0.001, 0.01),
+    "engine_speed": Change(50.0, 600.0, 300.0, 50.0),
+}
+NOISE = 6.0  # times the usual step of a channel: what is less may be its noise
+SPIKE_S, SPIKE_SAMPLES = 2.0, 3  # that an excursion lasts at most
+MOST_SPIKES = 0.2  # of the samples; more are another fault, such as two vehicles in turn
+SLOW = 3.0  # m/s: below, sensors show zero or creep
+FROZEN_S, FROZEN_RUNS, FROZEN_STEP = 3.0, 5.0, 3.0  # of equal values; times the usual ones, and their steps
+FROZEN_RATE = 4.0  # m/s^2, at which the speed must have changed meanwhile
+PLACE_S, MOVED_M_S = 10.0, 3.0  # over which positions move by so much; receivers that stand drift by less
+ZERO_S = 8.0  # of zero in a row, in whose halves positions move on; receivers are late by less
+ZERO_SAMPLES, ZERO_SHARE = 10, 0.7  # on each side of a changed zero; of the jump that stays
+RATIOS = {
+    1 / 1.6093: "km/h to mph", 1.6093: "mph to km/h", 1 / 3.6: "km/h to m/s", 3.6: "m/s to km/h",
+    1 / 2.2369: "mph to m/s", 2.2369: "m/s to mph", 1 / 1.852: "km/h to knots", 1.852: "knots to km/h",
+}  # fmt: skip
+NEAR_RATIO = 0.015  # relative
+TENFOLD, TENFOLD_SHARE, TENFOLD_LEAST = 0.03, 0.04, 5  # of a decade; of the pairs, and the least of them
+MOST_JUMPS, LEAST_JUMPS = 0.02, 10  # of the steps that no truck makes; more are no speed
+NONE_SHARE, FULL_STEP = -1.0, 5.0  # percent: written for no value by some loggers; reached by such a step
+PEDAL, CODES = 100.4, (101.6, 102.0)  # percent: largest of a pedal, and its codes for error and no value
+ZERO_BYTE = -125.0  # percent torque of a byte of zero: no engine retards by that
+DROPPED = "that jump to a number for no value and back"
+UNAVAILABLE = "of a code for 'not available'"
+SPIKES = "that jump away and back faster than any truck"
+FROZEN = "that stand still and then jump"
+
+
+def impossible(channel: str, unit: str, time: Array, values: Array) -> Iterator[tuple[str, Mask]]:
+    """Reasons, each with the samples (n,) that certainly are no values; time (n,) in s, NaN is already
+    missing.
+
+    A code is a number that J1939 reserves for a missing value; a drop-out is a constant number at or below
+    zero that is entered and left faster than a truck can change.
+    """
+    left = np.isfinite(values)
+    finders = [_codes] if channel in ("engine_command", "brake_command") and unit == "percent" else []
+    finders += [_dropped, _spikes, _frozen] if channel in CHANGES else []
+    for find in finders:
+        at = np.flatnonzero(left)
+        if len(at) < 3:
+            return
+        for reason, none in find(channel, time[at], values[at]):
+            found = np.zeros(len(values), dtype=bool)
+            found[at[none]] = True
+            if found.any():
+                left &= ~found
+                yield reason, found
+
+
+def _codes(channel: str, t: Array, v: Array) -> Iterator[tuple[str, Mask]]:
+    coded = np.isclose(v, CODES[0], atol=1e-6) | np.isclose(v, CODES[1], atol=1e-6)
+    if coded.any() and not coded.all() and v[~coded].max() <= PEDAL:
+        yield UNAVAILABLE, coded
+    empty = v == ZERO_BYTE
+    if empty.any() and not empty.all():
+        yield UNAVAILABLE, empty
+    negative = (v < 0.0) & ~empty
+    jumped = np.abs(np.diff(v))[negative[1:]] > FULL_STEP
+    if (v[negative] == NONE_SHARE).all() and jumped.any():
+        yield UNAVAILABLE, negative
+
+
+def _dropped(channel: str, t: Array, v: Array) -> Iterator[tuple[str, Mask]]:
+    """Runs of a code that are entered and left by jumps. At the start or end, zero counts only for a receiver
+    that has a fix or not, because a truck may stand where a log starts or ends."""
+    change, fix = CHANGES[channel], channel in ("elevation", "latitude", "longitude")
+    least = {"speed": CHANNELS["speed"].low, "elevation": -np.inf}.get(channel, 0.0)
+    codes = np.unique(v[(v <= 0.0) & (v >= least)])
+    edges = [0, *(np.flatnonzero(_jumps(change, t, v)) + 1), len(v)]
+    dropped = np.zeros(len(v), dtype=bool)
+    for i, j in pairwise(edges) if len(edges) > 2 else ():
+        within = fix or v[i] != 0.0 or (i > 0 and j < len(v))
+        same = bool((v[i:j] == v[i]).all())
+        dropped[i:j] = within and v[i] in codes and same and (j - i > 1 or v[i] == 0.0)
+    yield DROPPED, dropped
+
+
+def _jumps(change: Change, t: Array, v: Array) -> Mask:
+    """Steps (n - 1,) that no truck makes."""
+    return np.asarray(np.abs(np.diff(v)) > change.step + change.rate * np.diff(t))
+
+
+def _spikes(channel: str, t: Array, v: Array) -> Iterator[tuple[str, Mask]]:
+    """Few samples that are left and entered by jumps, between values that go on as if they were not."""
+    change, step = CHANGES[channel], np.diff(t)
+    size, low = np.abs(np.diff(v)), np.minimum(np.abs(v[1:]), np.abs(v[:-1]))
+    fine = max(change.least, NOISE * float(np.median(size)))
+    least = np.where(low < SLOW, change.step, fine) if channel == "speed" else np.full(len(size), fine)
+    jumps = np.flatnonzero(size > least + change.back * step)
+    longest = max(SPIKE_S, SPIKE_SAMPLES * float(np.median(step)))
+    found = np.zeros(len(v), dtype=bool)
+    last = -1
+    for n, k in enumerate(jumps):
+        if k <= last:
+            continue
+        for m in jumps[n + 1 :]:
+            apart = t[m + 1] - t[k]
+            if apart > longest + step[m]:
+                break
+            if abs(v[m + 1] - v[k]) <= fine + 0.5 * change.back * apart:
+                found[k + 1 : m + 1], last = True, m
+                break
+    jumped = np.isin(np.arange(len(size)), jumps)
+    if len(size) > 1:  # of the first and last sample one side is known
+        found[0] |= jumped[0] and not jumped[1] and v[0] != 0.0
+        found[-1] |= jumped[-1] and not jumped[-2] and v[-1] != 0.0
+    if found.mean() <= MOST_SPIKES:
+        yield SPIKES, found
+
+
+def _frozen(channel: str, t: Array, v: Array) -> Iterator[tuple[str, Mask]]:
+    """A speed that repeats one number for seconds, where it usually changes, and then jumps to where the
+    truck has got to; the first of them is a value."""
+    if channel != "speed":
+        return
+    starts = np.flatnonzero(np.diff(v, prepend=np.nan) != 0.0)
+    ends = np.append(starts[1:], len(v))
+    lasts = t[ends - 1] - t[starts]
+    steps = np.abs(np.diff(v))
+    usual = float(np.quantile(steps[steps > 0.0], 0.95)) if (steps > 0.0).any() else np.inf
+    longest = max(FROZEN_S, FROZEN_RUNS * float(np.quantile(lasts, 0.9)))
+    found = np.zeros(len(v), dtype=bool)
+    for i, j in zip(starts[lasts >= longest], ends[lasts >= longest], strict=True):
+        if j < len(v) and v[i] > SLOW:
+            jump = abs(float(v[j] - v[i]))
+            found[i + 1 : j] = jump > FROZEN_STEP * usual and jump > FROZEN_RATE * (t[j] - t[j - 1])
+    yield FROZEN, found
+
+
+@dataclass(frozen=True)
+class Places:
+    """Positions on a plane: times (n,) in s, x and y (n,) in metres."""
+
+    time: Array
+    x: Array
+    y: Array
+
+    def pace(self, ticks: Array) -> Array:
+        """The least of the mean speeds, m/s, between the ticks (k, m) of each row, (k,)."""
+        known = np.isfinite(self.x) & np.isfinite(self.y)
+        if known.sum() < 2:
+            return np.zeros(len(ticks))
+        x, y = (np.interp(ticks, self.time[known], axis[known]) for axis in (self.x, self.y))
+        moved = np.hypot(np.diff(x, axis=1), np.diff(y, axis=1))
+        return np.asarray((moved / np.maximum(np.diff(ticks, axis=1), 1e-9)).min(axis=1, initial=np.inf))
+
+
+def moving_at_zero(time: Array, speed: Array, places: Sequence[Places]) -> Mask:
+    """Samples (n,) of zero speed while positions move on, before and behind: zero written for no value."""
+    found = np.zeros(len(time), dtype=bool)
+    zero = np.flatnonzero(speed == 0.0)
+    inside = zero[(time[zero] >= time[0] + PLACE_S) & (time[zero] <= time[-1] - PLACE_S)]
+    edges = np.flatnonzero(np.diff(zero, prepend=-2, append=len(time) + 1) > 1)
+    runs = [(zero[i], zero[j - 1]) for i, j in pairwise(edges)]
+    runs = [
+        (i, j) for i, j in runs if time[j] - time[i] >= ZERO_S
+    ]  # receivers, which are late, stand by then
+    for one in places:
+        found[inside] |= one.pace(time[inside, None] + np.array([-PLACE_S, 0.0, PLACE_S])) > MOVED_M_S
+        for i, j in runs:
+            ticks = np.array([[time[i], 0.5 * (time[i] + time[j]), time[j]]])
+            found[i : j + 1] |= one.pace(ticks)[0] > MOVED_M_S
+    return found
+
+
+def zero_changes(time: Array, height: Array, cuts: Array) -> list[tuple[int, float]]:
+    """Samples of a height (n,) from which on it is counted from another zero, and by how much more; time (n,)
+    in s. What jumps and stays is no hill: receivers change between ellipsoid and sea, barometers are set.
+    A new piece begins at `cuts`, times, and behind gaps."""
+    at = np.flatnonzero(np.isfinite(height))
+    t, h = time[at], height[at]
+    if len(h) < 3:
+        return []
+    change, steps = CHANGES["elevation"], np.diff(h)
+    fine = max(change.least, NOISE * float(np.quantile(np.abs(steps), 0.75)))
+    gap = max(GAP_S, GAP_PERIODS * float(np.median(np.diff(t))))
+    found = []
+    for k in np.flatnonzero(np.abs(steps) > fine + change.back * np.diff(t)):
+        before, after = h[max(0, k + 1 - ZERO_SAMPLES) : k + 1], h[k + 1 : k + 1 + ZERO_SAMPLES]
+        if t[k + 1] - t[k] > gap or ((cuts > t[k]) & (cuts <= t[k + 1])).any():
+            continue  # a new piece, whose heights are compared with no others
+        if (np.median(after) - np.median(before)) / steps[k] > ZERO_SHARE:
+            slopes = np.r_[np.diff(before), np.diff(after)]
+            usual = float(np.median(slopes)) if len(slopes) else 0.0
+            found.append((int(at[k + 1]), float(steps[k]) - usual))
+    return found
+
+
+def lost_decimals(values: Array) -> str:
+    """That numbers (n,) of something that changes slowly differ by factors of ten from one to the next, as
+    where a decimal point was lost: 54.0 became 540, and 54.49 became 5449; '' if they do not."""
+    v = values[np.isfinite(values) & (values > 0.0)]
+    if len(v) < 2:
+        return ""
+    decades = np.abs(np.diff(np.log10(v)))
+    tenfold = (np.rint(decades) >= 1.0) & (np.abs(decades - np.rint(decades)) < TENFOLD)
+    if tenfold.sum() < TENFOLD_LEAST or tenfold.mean() <= TENFOLD_SHARE:
+        return ""
+    k = int(np.argmax(tenfold))
+    return (
+        f"some numbers are ten times their neighbours ({v[k]:.6g}, {v[k + 1]:.6g}), as where decimal points "
+        "were lost: no factor or unit mends that; export them anew with a point"
+    )
+
+
+def changed_unit(time: Array, speed: Array) -> str:
+    """That the unit of a speed (n,), in any unit, changes on the way: it jumps by the ratio of two units, and
+    stays; '' if it does not."""
+    at = np.flatnonzero(np.isfinite(speed))
+    t, v = time[at], speed[at]
+    if len(v) < 2 * ZERO_SAMPLES:
+        return ""
+    step = np.abs(np.diff(v))
+    usual = NOISE * float(np.quantile(step, 0.95))
+    for k in np.flatnonzero(step > usual):
+        before, after = v[max(0, k + 1 - ZERO_SAMPLES) : k + 1], v[k + 1 : k + 1 + ZERO_SAMPLES]
+        if min(len(before), len(after)) < ZERO_SAMPLES or min(before.min(), after.min()) <= 0.0:
+            continue
+        steps = max(np.abs(np.diff(before)).max(), np.abs(np.diff(after)).max())
+        ratio = float(
+            (after[0] - 0.5 * (after[1] - after[0])) / (before[-1] + 0.5 * (before[-1] - before[-2]))
+        )
+        what = next((w for r, w in RATIOS.items() if abs(ratio / r - 1.0) < NEAR_RATIO), "")
+        if what and steps < step[k] / NOISE:
+            return f"jumps from {v[k]:.4g} to {v[k + 1]:.4g} at {moment(t[k + 1])} and stays, as from {what}"
+    return ""
+
+
+def impossible_steps(channel: str, time: Array, values: Array) -> tuple[int, int]:
+    """The number of steps between samples (n,) of a channel of CHANGES, and of those that no truck makes."""
+    at = np.flatnonzero(np.isfinite(values))
+    return max(len(at) - 1, 0), int(_jumps(CHANGES[channel], time[at], values[at]).sum())
