@@ -56,6 +56,41 @@ def test_a_second_written_as_a_million_microseconds_is_a_second(tmp_path):
     assert [f.time - 1614188635 for f in frames] == pytest.approx([-0.02, 0.0, 0.02], abs=1e-6)
 
 
+def j1939_drive(speed, torque=lambda k: 150, senders=(0xEE,), pgn=0xFE6C):
+    """TCO1, or another message with a speed in km/h in its last two bytes, and EEC1, at 10 Hz."""
+    lines = []
+    for k in range(200):
+        for sender in senders:
+            raw = round(speed(k, sender) * 256).to_bytes(2, "little").hex()
+            data = "FFFFFFFFFFFF" + raw if pgn == 0xFE6C else "FF" + raw + "FFFFFFFFFF"
+            lines.append(f"({k / 10:.3f}) can0 0C{pgn:04X}{sender:02X}#{data}\n")
+        lines.append(f"({k / 10 + 0.001:.3f}) can0 0CF00400#F1{torque(k):02X}{torque(k):02X}000FFFFFFF\n")
+    return "".join(lines)
+
+
+def test_the_speed_of_a_tachograph(tmp_path):
+    log = written(tmp_path, j1939_drive(lambda k, _: 50 + k / 10))
+    (r,) = import_table(log, {}, tmp_path / "bag").recordings
+    np.testing.assert_allclose(r.channels["speed"], (50 + np.arange(200) / 10) / 3.6, atol=0.01)
+
+
+def test_a_sender_that_says_zero_all_along_is_not_taken(tmp_path):
+    log = written(
+        tmp_path, j1939_drive(lambda k, s: 50 + k / 10 if s else 0.0, senders=(0, 0x0B), pgn=0xFEF1)
+    )
+    (r,) = import_table(log, {}, tmp_path / "bag").recordings
+    assert r.channels["speed"].min() > 13 and any("all 0" in note for note in r.notes)
+
+
+def test_a_torque_byte_of_zero_is_no_torque(tmp_path):
+    """As an engine controller sends that ends: -125 %."""
+    log = written(tmp_path, j1939_drive(lambda k, _: 50 + k / 10, lambda k: 150 if k < 190 else 0))
+    (r,) = import_table(log, {"reference_torque": 2000}, tmp_path / "bag").recordings
+    assert np.nanmin(r.channels["engine_command"]) == pytest.approx(25.0)
+    assert np.nanmin(r.channels["engine_torque"]) == pytest.approx(500.0)
+    assert np.isnan(r.channels["engine_command"][195:]).all()
+
+
 def test_signals_that_no_channel_needs_are_not_kept(tmp_path):
     path = written(tmp_path, LOGGED * 3)
     every = can_logs.decode(path)

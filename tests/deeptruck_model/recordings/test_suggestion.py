@@ -39,6 +39,13 @@ def odometry(speed: float, ns: int) -> Any:
     return made("nav_msgs/msg/Odometry", stamped(ns), "base_link", still, moving)
 
 
+def lidar(x_m: float, ns: int) -> Any:
+    """An odometry whose twist was never filled."""
+    message = odometry(0.0, ns)
+    message.pose.pose.position.x = x_m
+    return message
+
+
 def pedals(k: int, ns: int) -> Any:
     names, values = ["throttle", "BrakePedal"], np.array([THROTTLE[k], 0.2])
     return made("sensor_msgs/msg/JointState", stamped(ns), names, values, np.zeros(0), np.zeros(0))
@@ -230,6 +237,15 @@ def test_a_bag_of_ours_comes_back_as_it_was(
     assert mapped.interface == ours.interface
     for name in ("speed", "acceleration", "engine_command", "brake_command", "grade"):
         np.testing.assert_allclose(mapped.channels[name], ours.channels[name])
+
+
+def test_a_twist_that_was_never_filled_is_no_speed(tmp_path: Path) -> None:
+    moved = np.cumsum(SPEED) / 10
+    bag, found = proposed(tmp_path, every("/odom", lambda k, ns: lidar(moved[k], ns)), PEDALS)
+    assert "speed" not in yaml.safe_load(found.text())
+    assert any("twist.twist.linear.x needs another source" in line for line in found.lacking)
+    with pytest.raises(InputError, match="100 are zero while positions move on"):
+        read(bag, topic_map={"speed": {"topic": "/odom", "field": "twist.twist.linear.x"}})
 
 
 def test_what_is_no_bag_is_one_line(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -114,6 +115,18 @@ def candump(above: str) -> str:
     return above + "".join(f"({t:.6f}) can0 {i:08X}#{d.hex().upper()}\n" for t, i, d in FRAMES)
 
 
+def rows(head: str, row: Callable[[float, int, bytes], str]) -> str:
+    return head + "".join(f"{row(t - 1777885200.0, i, d)}\n" for t, i, d in FRAMES)
+
+
+VEHICLE_SPY = (
+    "Vehicle Spy 3\nVersion,301\nData,Column,Meaning\n,Line,Number\n\n"
+    "Line,Abs Time(Sec),Rel Time (Sec),Status,Er,Tx,Description,Network,Arb ID,Remote,Xtd,"
+    "B1,B2,B3,B4,B5,B6,B7,B8,Value\n"
+)
+DECODED = "::\nCCVS1(\n    WheelBasedVehicleSpeed: 54.0 km/h\n)"
+
+
 LOGS: dict[str, str | bytes] = {
     "busmaster.log": busmaster(), "decimal.log": busmaster("DEC"), "a.pcap": pcap(), "big.pcap": pcap(">"),
     "nano.pcap": pcap(tick=1e-9), "cooked.pcap": pcap(cooked=True), "a.pcapng": pcapng(),
@@ -122,6 +135,25 @@ LOGS: dict[str, str | bytes] = {
     "clx.txt": clx000(), "decimal.csv": epoch_decimal(),
     "pgn.csv": by_group("d"), "pgn_hex.csv": by_group("X"),
     "above.log": candump("Truck 7, key on, depot to yard\n\nTime,ID,DLC,Data\n"),
+    "flagged.csv": rows("time,id,length,data\n", lambda t, i, d: f"{t:.3f},{i | 1 << 31},8,{d.hex()}"),
+    "flagged.tsv": rows("t\tcan_id\tdata\n", lambda t, i, d: f"{t:.3f}\t0x{i | 1 << 31:X}\t{d.hex()}"),
+    "spy.csv": rows(VEHICLE_SPY, lambda t, i, d:
+                    f"1,{t:.6f},0.01,67,F,F,HS CAN ${i:X},HS CAN,{i:X},F,T,{d.hex(',').upper()},"),
+    "tshark.csv": rows('"frame.time_epoch","can.id","can.flags.xtd","can.len","data.data"\n', lambda t, i, d:
+                       f'"{t:.6f}","{i}","1","8","{d.hex(":")}"'),
+    "bytes.csv": rows("Time;Identifier;DLC;" + ";".join(f"Byte{k}" for k in range(8)) + "\n", lambda t, i, d:
+                      f"{t:.3f};{i};8;" + ";".join(map(str, d))),
+    "view.csv": rows("Time (ms);ID;Length;Data\n", lambda t, i, d:
+                     f"{1000 * t:.1f};{i:08X}h;8;{d.hex(' ').upper()}"),
+    "date.csv": rows("Timestamp,ID,Data\n", lambda t, i, d:
+                     f"2026-05-04 23:59:{59 + t:09.6f},{i:08X},{d.hex()}"),
+    "bare.csv": rows("", lambda t, i, d: f"{t:.4f},{i:08X},8,{d.hex().upper()}"),
+    "text.txt": rows("My logger, v1\nkey on; depot\n\nTime,ID,DLC,Data\n", lambda t, i, d:
+                     f"{t:.4f},{i:08X},8,{d.hex()}"),
+    "behind.log": rows("", lambda t, i, d:
+                       f"({t:.6f})  can0  {i:08X}   [8]  {d.hex(' ').upper()} :: CCVS1(x: 1)"),
+    "decoded.log": rows("", lambda t, i, d:
+                        f"({t:.6f})  can0  {i:08X}   [8]  {d.hex(' ').upper()} {DECODED}"),
 }  # fmt: skip
 
 
@@ -134,7 +166,7 @@ def test_frames_of_other_programs(tmp_path: Path, name: str) -> None:
     assert [(f.can_id, f.data, f.extended) for f in frames] == [(i, d, True) for _, i, d in FRAMES]
     assert frames[-1].time - frames[0].time == pytest.approx(0.59, abs=1e-4)
     assert account.balanced and account.total.used == len(FRAMES)
-    assert account.total.left_out == (2 if name == "above.log" else 0)
+    assert account.total.left_out == {"above.log": 2, "decoded.log": 3 * len(FRAMES)}.get(name, 0)
     assert import_checks.is_can_log(path)
 
 
@@ -165,6 +197,11 @@ def test_a_capture_that_was_cut_off_says_so(tmp_path: Path, name: str) -> None:
         ("long.csv", "time,addr,bus,data\n" + 70_000 * "x", "line 2: longer than 65536"),
         ("long.log.gz", gzip.compress(3_000_000 * b"x"), "a line is longer than"),
         ("text.log", "no frame\nin any line\n", "none of its 2 lines is one"),
+        ("e.csv", "ID,DLC,B1,B2,B3,B4,B5,B6,B7,B8\n18FEF100,8,1,2,3,4,5,6,7,8\n", "a column of times"),
+        ("f.csv", "Time,DLC,B1,B2,B3,B4,B5,B6,B7,B8\n1.0,8,1,2,3,4,5,6,7,8\n", "a column of identifiers"),
+        ("g.csv", "Time,CAN ID,DLC\n1.0,18FEF100,8\n", "without a column of bytes"),
+        ("h.csv", '"No.","Time","Source","Protocol","Length","Info"\n"1","0.0","","CAN","16","ID: 1"\n',
+         "without a column of identifiers and bytes"),
     ],
 )  # fmt: skip
 def test_damage_is_refused_with_its_place(tmp_path: Path, name: str, content: str | bytes, says: str) -> None:

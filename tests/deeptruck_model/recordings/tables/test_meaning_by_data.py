@@ -190,6 +190,108 @@ def test_structures_with_a_time_of_their_own(tmp_path: Path) -> None:
     assert r.dt == 0.5 and r.channels["speed"] == pytest.approx(speed(T[::5]), abs=0.01)
 
 
+def test_groups_of_structures_with_a_time_of_their_own(tmp_path: Path) -> None:
+    def group(step: int, **signals: Array) -> dict[str, Any]:
+        return {"time": T[::step]} | {name: values[::step] for name, values in signals.items()}
+
+    fast = np.arange(0, 60, 0.02)
+    run = {
+        "j1939": {"ccvs": group(1, speed_kmh=V), "eec2": group(2, accelPedal_pct=D["gas"])},
+        "imu": {"time": fast, "ax": np.interp(fast, T, A)},
+    }
+    savemat(tmp_path / "run.mat", {"run": run})
+    meaning = read(suggest_columns(tmp_path / "run.mat").text())
+    assert meaning["channels"]["engine_command"]["column"] == "run.j1939.eec2.accelPedal_pct"
+    (r,) = import_table(tmp_path / "run.mat", meaning, tmp_path / "bag").recordings
+    assert r.dt == 0.1 and r.channels["speed"] == pytest.approx(speed(T), abs=0.01)
+    assert np.isfinite(r.channels["acceleration"]).all()
+    assert r.channels["engine_command"][:-2:2] == pytest.approx(D["gas"][:-2:2])
+
+
+def test_rows_of_a_time_alone_and_the_places_of_a_traffic_simulator(tmp_path: Path) -> None:
+    x = np.cumsum(V / 3.6) * 0.1
+    rows = [f"{t};{90.0};truck;lane_0;{v / 3.6:.2f};{p:.2f};-1.60" for t, v, p in zip(T, V, x, strict=True)]
+    empty = [f"{t:.2f};;;;;;" for t in np.arange(-5, 0, 0.1)]
+    head = "timestep_time;vehicle_angle;vehicle_id;vehicle_lane;vehicle_speed;vehicle_x;vehicle_y"
+    (tmp_path / "fcd.csv").write_text("\n".join([head, *empty, *rows]) + "\n")
+    found = suggest_columns(tmp_path / "fcd.csv")
+    assert found.key is None and read(found.text())["channels"]["speed"]["unit"] == "m/s"
+    (r,) = import_table(tmp_path / "fcd.csv", read(found.text()), tmp_path / "bag").recordings
+    assert r.account is not None and r.account.total.aside["with a time and nothing else"].count == 50
+    assert r.channels["speed"] == pytest.approx(V / 3.6, abs=0.01)
+
+
+def test_rows_of_one_time_that_fill_other_columns_are_one(tmp_path: Path) -> None:
+    rows = [row for t, v, g in zip(T, V, D["gas"], strict=True) for row in (f"{t},{v},", f"{t},,{g}")]
+    (tmp_path / "d.csv").write_text("time_s,speed_kmh,throttle_pct\n" + "\n".join(rows) + "\n")
+    meaning = read(suggest_columns(tmp_path / "d.csv").text())
+    (r,) = import_table(tmp_path / "d.csv", meaning, tmp_path / "bag").recordings
+    assert r.channels["speed"] == pytest.approx(speed(T), abs=0.01)
+    assert r.channels["engine_command"] == pytest.approx(D["gas"])
+
+
+INFLUX = "#group,false,false,true,false,true\n#datatype,string,long,dateTime:RFC3339,double,string\n"
+INFLUX += "#default,mean,,,,\n,result,table,_time,_value,_field\n"
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "by_name"),
+    [
+        ("Time [s],Name,Raw Value,Physical Value,Unit\n", "{t},{name},{raw},{value},{unit}", False),
+        (INFLUX, ",,0,2026-05-04T08:00:{t:04.1f}Z,{value},{name}_{unit}", True),
+    ],
+    ids=["raw and physical", "InfluxDB"],
+)
+def test_one_value_a_row(head: str, row: str, by_name: bool, tmp_path: Path) -> None:
+    series = (("VehicleSpeed", V, "kmh"), ("AccelPedal", D["gas"], "pct"))
+    rows = [
+        row.format(t=T[k], name=name, raw=k % 7, value=x[k], unit=unit)
+        for name, x, unit in series for k in range(600)
+    ]  # fmt: skip
+    rows = rows if by_name else [line for k in range(600) for line in rows[k::600]]
+    (tmp_path / "d.csv").write_text(head + "\n".join(rows) + "\n")
+    meaning = read(suggest_columns(tmp_path / "d.csv").text())
+    (r,) = import_table(tmp_path / "d.csv", meaning, tmp_path / "bag").recordings
+    assert r.channels["speed"] == pytest.approx(speed(T), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("columns", "channel", "entry"),
+    [
+        ({"Time (days)": [f"{t / 86400:.10f}" for t in T], "Speed (km/h)": V}, "speed", {"unit": "km/h"}),
+        ({"Time (us)": [1777881600_000000 + round(1e6 * t) for t in T], "speed_ms": V / 3.6}, "speed",
+         {"unit": "m/s"}),
+        ({**TIME, "Speed (mph)": V / 1.609344, "Accel X (Gs)": A / 9.80665}, "acceleration", {"unit": "g"}),
+        ({**TIME, "Car.v": V / 3.6, "Car.ax": A, "Car.Road.GCS.Elev": 300 + T}, "elevation", {"unit": "m"}),
+        ({"recording": ["a"] * 600, "time": T, "speed": V / 3.6, "grade": 0 * T + 0.02}, "grade",
+         {"unit": "ratio"}),
+    ],
+    ids=["days", "microseconds", "Gs", "CarMaker", "ours"],
+)  # fmt: skip
+def test_units_of_clocks_and_channels(
+    columns: dict[str, Any], channel: str, entry: dict[str, Any], tmp_path: Path
+) -> None:
+    columns = {name: np.round(x, 5) if isinstance(x, np.ndarray) else x for name, x in columns.items()}
+    meaning = read(suggest_columns(write_csv(tmp_path / "d.csv", columns)).text())
+    assert entry.items() <= meaning["channels"][channel].items()
+    (r,) = import_table(tmp_path / "d.csv", meaning, tmp_path / "bag").recordings
+    assert r.channels["speed"] == pytest.approx(speed(T), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ({**TIME, "Wheel Speed (rpm)": np.round(20 * V)}, "scale is 0.1047 r"),
+        ({"time": [f"2026-05-04 08:{k:02d}:00" for k in range(40)]}
+         | {f"v_{s:02d}": np.round(V[s * 10: s * 10 + 40]) for s in range(60 - 4)},
+         "each row has 56 values, 'v_00' to 'v_55', 1.07 s apart"),
+    ],
+    ids=["turns of a wheel", "a minute in a row"],
+)  # fmt: skip
+def test_what_is_missing_is_named(columns: dict[str, Any], says: str, tmp_path: Path) -> None:
+    assert any(says in line for line in suggest_columns(write_csv(tmp_path / "d.csv", columns)).lacking)
+
+
 def test_a_table_in_parts(tmp_path: Path) -> None:
     (tmp_path / "drive").mkdir()
     for k in range(3):
@@ -208,11 +310,19 @@ def test_the_header_of_savetxt(delimiter: str, tmp_path: Path) -> None:
 
 
 def test_channels_described_above_the_table_of_a_vbo_file(tmp_path: Path) -> None:
-    above = "[header]\ntime\nvelocity kmh\nlong accel g\n\n[column names]\ntime velocity LongAcc\n\n[data]\n"
-    rows = (f"0959{s:05.2f} {v:.2f} {a / 9.80665:.5f}" for s, v, a in zip(T, V, A, strict=True))
+    above = "[header]\ntime\nlatitude\nlongitude\nvelocity kmh\nlong accel g\n\n"
+    above += "[column names]\ntime lat long velocity LongAcc\n\n[data]\n"
+    rows = (
+        f"0959{s:05.2f} +{2886 + s / 60:.5f} -00690.00000 {v:.2f} {a / 9.80665:.5f}"
+        for s, v, a in zip(T, V, A, strict=True)
+    )
     (tmp_path / "d.vbo").write_text(above + "\n".join(rows) + "\n")
-    channels = read(suggest_columns(tmp_path / "d.vbo").text())["channels"]
+    meaning = read(suggest_columns(tmp_path / "d.vbo").text())
+    channels = meaning["channels"]
     assert channels["speed"]["unit"] == "km/h" and channels["acceleration"]["unit"] == "g"
+    channels.pop("latitude")
+    (r,) = import_table(tmp_path / "d.vbo", meaning, tmp_path / "bag").recordings
+    assert r.channels["longitude"] == pytest.approx(11.5)  # positive to the west in the file
 
 
 def test_a_leader_of_which_the_speed_drops_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
