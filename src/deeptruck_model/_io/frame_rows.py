@@ -61,6 +61,7 @@ class FrameTable:
     columns: FrameColumns | None
     lacks: str = ""
     tick_s: float | None = None  # the unit of its times, if the header states it
+    base: int | None = None  # of its identifiers, if the header states it
 
 
 def plain_name(cell: str) -> str:
@@ -86,7 +87,9 @@ def find(lines: Iterable[str]) -> FrameTable | None:
             columns, lacks = _columns([plain_name(cell) for cell in cells])
             if columns is not None:
                 unit = _UNIT.search(cells[columns.time].strip().lower())
-                return FrameTable(above, mark, columns, tick_s=TICKS_S[unit[1]] if unit else None)
+                number = cells[columns.number].lower()
+                base = 16 if "hex" in number else 10 if "dec" in number else None
+                return FrameTable(above, mark, columns, "", TICKS_S[unit[1]] if unit else None, base)
             lacking = lacking or (FrameTable(above, mark, None, lacks) if lacks else None)
     return lacking or _without_header(lines)
 

@@ -167,6 +167,8 @@ class Range:
         values = np.concatenate(self._values)[:_KEPT] if self._values else np.zeros(0)
         if not self._is_of_other_unit(values):
             return
+        if says := lost_decimals(self.head[1]):
+            raise InputError(f"{what}: {says}")
         unit = interface.unit(self.channel)
         if (self.channel, unit) == ("engine_command", "percent") and values.max() <= RAW_TORQUE[1]:
             raise InputError(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from deeptruck_model._io.account import Account
-from truck_bridge.can_logs.frames import Frame, Kind, of_raw
+from truck_bridge.can_logs.frames import EXTENDED_MASK, Frame, Kind, of_raw
 from truck_bridge.can_logs.text_logs import lines_of
 from truck_bridge.can_logs.whole import COPY
 from truck_bridge.errors import InputError
@@ -51,7 +51,7 @@ def busmaster(path: Path, account: Account) -> Iterator[Frame]:
             raise InputError(f"{path}, line {number}: fewer bytes than the length says; {COPY}")
         yield Frame(
             time,
-            int(found["id"], base),
+            int(found["id"], base) & EXTENDED_MASK,
             b"" if remote else data,
             found["channel"],
             found["kind"].startswith("x"),

@@ -15,7 +15,7 @@ from can.util import dlc2len
 
 from deeptruck_model._io import frame_rows
 from deeptruck_model._io.account import Account
-from deeptruck_model._io.frame_rows import FrameColumns
+from deeptruck_model._io.frame_rows import FrameColumns, FrameTable
 from truck_bridge.can_logs.frames import EXTENDED_MASK, Frame, Kind, of_raw
 from truck_bridge.can_logs.text_logs import lines_of
 from truck_bridge.errors import InputError
@@ -44,7 +44,7 @@ def frames(path: Path, account: Account) -> Iterator[Frame]:
     lines = (line for number, line in lines_of(path) if number > found.above + 1)
     rows = csv.reader(lines, delimiter=found.delimiter)
     some = list(islice(rows, _SAMPLED))
-    form = _Form.of(found.columns, some, found.tick_s)
+    form = _Form.of(found, found.columns, some)
     if form.tick < 0.0:
         account.remarks.append("times are negative and fall: they are read without their sign")
     day = 0.0
@@ -75,7 +75,7 @@ class _Form:
     of_day: bool
 
     @classmethod
-    def of(cls, columns: FrameColumns, some: Sequence[Sequence[str]], tick_s: float | None) -> _Form:
+    def of(cls, found: FrameTable, columns: FrameColumns, some: Sequence[Sequence[str]]) -> _Form:
         def cells(column: int) -> list[str]:
             return [row[column].strip() for row in some if len(row) > column]
 
@@ -88,8 +88,8 @@ class _Form:
         content = [cell for k in columns.each or [columns.data or 0] for cell in cells(k)]
         return cls(
             columns,
-            (tick_s or (1e-6 if micro else 1.0)) * (-1.0 if turned else 1.0),
-            _base(cells(columns.number)),
+            (found.tick_s or (1e-6 if micro else 1.0)) * (-1.0 if turned else 1.0),
+            found.base or _base(cells(columns.number)),
             _base([byte for cell in content for byte in cell.split()]),
             bool(stamps) and bool(_OF_DAY.fullmatch(stamps[0])),
         )
@@ -109,7 +109,7 @@ def _time(cell: str, tick: float) -> float:
     elif packed := _OF_DAY.fullmatch(cell):
         day, (hours, minutes, seconds, fraction) = "0", packed.groups()
     else:
-        return float(cell) * tick
+        return float(cell.replace(",", ".")) * tick
     of_day = 3600.0 * int(hours) + 60.0 * int(minutes) + int(seconds) + float(f"0.{fraction or 0}")
     return _DAY_S * int(day) + of_day
 

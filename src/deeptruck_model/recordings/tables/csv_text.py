@@ -1,26 +1,17 @@
-"""The text of a CSV file: its header, its delimiter, and which lines are rows.
-
-pyarrow parses the rows. Errors that it would not report are found here: unclosed quotation marks, rows with a
-wrong number of cells, and the line of each row.
-"""
+"""The text of a CSV file: its header, its delimiter, and which lines are rows."""
 
 from __future__ import annotations
 
 import codecs
 import csv as text_csv
 import gzip
-import io
 import re
 import zlib
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import csv
 
@@ -30,6 +21,8 @@ from deeptruck_model.errors import InputError
 
 DELIMITERS = ",;\t| "  # one of these is found by the header where none is given; blanks may be several
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
+_OTHER_BREAKS = {"\v", "\f", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029"}  # of splitlines alone
+_AT_ONCE = 20_000  # rows that are made columns together
 SAMPLED = 100  # rows by which the number of cells of a row is found
 RAGGED = "with more or fewer cells than the header"
 UNCLOSED = "inside a quotation mark that is not closed in its line"
@@ -83,191 +76,131 @@ def _likely(data: bytes) -> str:
 
 
 class CsvText:
-    """A text table: its header, and the rows with the same number of cells."""
+    """A text table: its header, and its lines as rows.
+
+    A row is a line: a quotation mark that is not closed in its line would make one cell of all that follows,
+    so such a line is set aside.
+    """
 
     def __init__(self, path: Path, form: Format, account: Account) -> None:
         self.path, self.account = path, account
-        self.data, _ = content(path, form.encoding)
-        if form.delimiter == " ":
-            self.data = single_blanks(self.data)
+        data, _ = content(path, form.encoding)
+        text = (single_blanks(data) if form.delimiter == " " else data).decode()
+        self.lines = text.splitlines() if not set(text) & _OTHER_BREAKS else re.split("\r\n|\n|\r", text)
         delimiter, self.skip_rows = form.delimiter, form.skip_rows
-        first = self.data[:200].split(b"\n")[0].decode("utf-8", "replace").strip().strip('"')
+        first = self.lines[0].strip().strip('"') if self.lines else ""
         if self.skip_rows == 0 and re.fullmatch(r"sep=.", first):  # as Excel writes it
             delimiter, self.skip_rows = delimiter or first[-1], 1
         self.delimiter = delimiter or self._found_delimiter()
-        self.header, self.lines, self.start = self._header(self.delimiter)
-
-    def _records(self, start: int, delimiter: str) -> Iterator[tuple[int, list[str]]]:
-        """Records from a byte position on that are not blank, each with the number of its first line from
-        there, from 0."""
-        text = io.TextIOWrapper(io.BytesIO(memoryview(self.data)[start:]), "utf-8", newline="")
-        records = text_csv.reader(text, delimiter=delimiter)
-        line = 0
-        for record in records:
-            if record:
-                yield line, record
-            line = records.line_num
+        self.header, self.begin = self._header(self.delimiter)
 
     def _found_delimiter(self) -> str:
         counts = {mark: len(self._header(mark)[0]) for mark in DELIMITERS.strip()}
         return "," if counts[","] > 1 else max(counts, key=lambda mark: counts[mark])
 
-    def _header(self, delimiter: str) -> tuple[list[str], int, int]:
-        """Names, the number of lines before and in the header, and the byte position after it."""
-        start = 0
-        for _ in range(self.skip_rows):
-            start = self.data.find(b"\n", start) + 1 or len(self.data)
-        text = io.TextIOWrapper(io.BytesIO(self.data[start:]), "utf-8", newline="")
-        taken: list[str] = []
+    def _header(self, delimiter: str) -> tuple[list[str], int]:
+        """Names, and the number of lines before and in the header, whose cells may hold line breaks."""
+        below = (f"{line}\n" for line in self.lines[self.skip_rows :])
+        records = text_csv.reader(below, delimiter=delimiter)
+        header = without_mark(next(filter(None, records), []))
+        return [name.replace("\n", " ") for name in header], self.skip_rows + records.line_num
 
-        def lines() -> Iterator[str]:
-            for line in text:
-                taken.append(line)
-                yield line
-
-        header = without_mark(next(filter(None, text_csv.reader(lines(), delimiter=delimiter)), []))
-        return header, self.skip_rows + len(taken), start + sum(len(line.encode()) for line in taken)
-
-    def read(self, cure: str) -> tuple[pa.Table, list[str], NDArray[np.int64], Callable[[int], str]]:
-        """The rows, the names of their columns, their numbers in the file, and a function from these to
-        lines."""
-        body = self._without_unclosed()
-        names = self._names()
-        if not body.strip():
+    def read(self, cure: str) -> tuple[pa.Table, list[str], NDArray[np.int64]]:
+        """The rows, the names of their columns, and the number of their lines, from 0 below the header."""
+        if not any(line.strip() for line in self.lines[self.begin :]):
             raise InputError(f"{self.path} is empty: it has no rows below its header")
-        odd: list[csv.InvalidRow] = []
+        names = self._names()
+        if (table := self._if_plain(len(names))) is not None:
+            return table, names, np.arange(table.num_rows)
+        first = ""
+        numbers: list[int] = []
+        parts: list[list[pa.Array]] = [[] for _ in names]
+        kept: list[list[str | None]] = []
 
-        def skip(row: csv.InvalidRow) -> str:
-            odd.append(row)
-            return "skip"
+        def put() -> None:
+            for part, cells in zip(parts, zip(*kept, strict=True), strict=False):
+                part.append(pa.array(cells, pa.string()))
+            kept.clear()
 
-        columns = [str(k) for k in range(len(names))]
-        table = csv.read_csv(
-            pa.BufferReader(body),
-            read_options=csv.ReadOptions(
-                column_names=columns, use_threads=False, block_size=min(len(body) + 1, 2**30)
-            ),
-            parse_options=csv.ParseOptions(delimiter=self.delimiter, invalid_row_handler=skip),
-            convert_options=csv.ConvertOptions(
-                column_types=dict.fromkeys(columns, pa.string()), strings_can_be_null=True, null_values=[""]
-            ),
-        )
-        self.account.total.read += table.num_rows + len(odd)
-        place = self._places(body)
-        numbers = np.setdiff1d(np.arange(table.num_rows + len(odd)), [row.number - 1 for row in odd])
-        if b'"' in body:
-            table, numbers = self._in_one_line(table, numbers, place)
-        if not odd:
-            return table, names, numbers, place
-        kept, kept_numbers = self._sort_out(odd, names, place)
-        if self.account.total.left_out > table.num_rows + len(kept):
-            self._refuse(odd[0], cure)
-        if kept:
-            more = pa.table([pa.array(c, pa.string()) for c in zip(*kept, strict=True)], names=columns)
-            numbers = np.concatenate([numbers, kept_numbers])
-            order = np.argsort(numbers)
-            table, numbers = pa.concat_tables([table, more]).take(pa.array(order)), numbers[order]
-        return table, names, numbers, place
+        for number, line in enumerate(self.lines[self.begin :]):
+            if not line:
+                continue
+            self.account.total.read += 1
+            cells, reason = self._cells(line, len(names))
+            if reason:
+                where = f"line {self.begin + number + 1}"
+                self.account.total.set_aside(reason, where)
+                first = first or f"{where} with {len(cells)}"
+                continue
+            kept.append([cell or None for cell in cells])
+            numbers.append(number)
+            if len(kept) == _AT_ONCE:
+                put()
+        put()
+        if self.account.total.left_out > len(numbers):
+            self._refuse(first, cure)
+        columns = [pa.chunked_array(part, pa.string()) for part in parts]
+        return pa.table(columns, [str(k) for k in range(len(names))]), names, np.array(numbers, np.int64)
 
-    def _without_unclosed(self) -> bytes:
-        """The text below the header, with each line that has an unclosed quotation mark replaced by a blank
-        one.
+    def _if_plain(self, count: int) -> pa.Table | None:
+        """The rows, parsed at once, if all lines have as many cells and none a quotation mark."""
+        body = "\n".join(self.lines[self.begin :]).rstrip("\n")
+        lines = body.split("\n")
+        if '"' in body or any(line.count(self.delimiter) != count - 1 for line in lines) or count < 2:
+            return None
+        names = [str(k) for k in range(count)]
+        text = dict.fromkeys(names, pa.string())
+        convert = csv.ConvertOptions(column_types=text, strings_can_be_null=True, null_values=[""])
+        data = body.encode()
+        read = csv.ReadOptions(column_names=names, use_threads=False, block_size=min(len(data) + 1, 2**30))
+        parse = csv.ParseOptions(delimiter=self.delimiter, quote_char=False)
+        self.account.total.read += len(lines)
+        return csv.read_csv(pa.BufferReader(data), read, parse, convert)
 
-        Otherwise all rows up to the next quotation mark would become one cell.
-        """
-        body = self.data[self.start :]
-        lines = body.splitlines(keepends=True) if b'"' in body else []
-        odd = [k for k, line in enumerate(lines) if line.count(b'"') % 2]
-        if not odd:
-            return body
-        for k in odd:
-            lines[k] = b"\n"
-        self.account.total.read += len(odd)
-        self.account.total.set_aside(UNCLOSED, f"line {self.lines + odd[0] + 1}", len(odd))
-        body = b"".join(lines)
-        self.data = self.data[: self.start] + body
-        return body
-
-    def _in_one_line(
-        self, table: pa.Table, numbers: NDArray[np.int64], place: Callable[[int], str]
-    ) -> tuple[pa.Table, NDArray[np.int64]]:
-        """The rows in which no cell continues on the next line."""
-        breaks = np.zeros(len(numbers), dtype=np.int64)
-        for column in table.columns:
-            breaks += pc.count_substring_regex(pc.fill_null(column, ""), r"\r\n|\n|\r").to_numpy()
-        if not breaks.any():
-            return table, numbers
-        self.account.total.read += int(breaks.sum())
-        lines = int(breaks.sum() + (breaks > 0).sum())
-        self.account.total.set_aside(UNCLOSED, place(int(numbers[np.argmax(breaks > 0)])), lines)
-        return table.filter(pa.array(breaks == 0)), numbers[breaks == 0]
+    def _cells(self, line: str, count: int) -> tuple[list[str], str]:
+        """The cells of a row, and the reason for which it is none."""
+        if '"' not in line:
+            cells = line.split(self.delimiter)
+        elif line.count('"') % 2:
+            return [], UNCLOSED
+        else:
+            cells = next(text_csv.reader([line], delimiter=self.delimiter), [])
+        if len(cells) == count:
+            return cells, ""
+        filled = _filled(cells)
+        if not filled:
+            return cells, BLANK
+        if _filled(self.header) <= len(cells) and filled <= count:
+            return (cells + [""] * count)[:count], ""
+        return cells, RAGGED
 
     def _names(self) -> list[str]:
         """The header with as many cells as most rows have; additional cells are blank."""
-        lengths = [len(cells) for _, cells in islice(self._records(self.start, self.delimiter), SAMPLED)]
+        some = [line for line in self.lines[self.begin : self.begin + SAMPLED] if line]
+        rows = [self._cells(line, -1)[0] for line in some]
+        lengths = [len(cells) for cells in rows if cells]
         usual = max(set(lengths), key=lengths.count) if lengths else len(self.header)
-        least = _filled(self.header)
-        named = self.header[: max(usual, least)]
-        return named + [""] * (max(usual, least) - len(named)) if self._blank_beyond(usual) else self.header
+        count = max(usual, _filled(self.header))
+        if any(_filled(cells) > len(self.header) for cells in rows if len(cells) == usual):
+            return self.header
+        return (self.header + [""] * count)[:count]
 
-    def _blank_beyond(self, usual: int) -> bool:
-        records = islice(self._records(self.start, self.delimiter), SAMPLED)
-        return all(_filled(cells) <= len(self.header) for _, cells in records if len(cells) == usual)
-
-    def _sort_out(
-        self, odd: list[csv.InvalidRow], names: list[str], place: Callable[[int], str]
-    ) -> tuple[list[list[str | None]], list[int]]:
-        """Among rows with a wrong number of cells, those that differ only in blank cells at the end."""
-        kept: list[list[str | None]] = []
-        numbers = []
-        for row in odd:
-            text = row.text.rstrip("\r\n")
-            cells = next(text_csv.reader([text], delimiter=self.delimiter), [])
-            where = place(row.number - 1)
-            if "\n" in text or "\r" in text:
-                lines = sum(bool(line.strip()) for line in text.splitlines())
-                self.account.total.read += lines - 1
-                self.account.total.set_aside(UNCLOSED, where, lines)
-            elif not _filled(cells):
-                self.account.total.set_aside(BLANK, where)
-            elif _filled(self.header) <= len(cells) and _filled(cells) <= len(names):
-                kept.append([cell or None for cell in (cells + [""] * len(names))[: len(names)]])
-                numbers.append(row.number - 1)
-            else:
-                self.account.total.set_aside(RAGGED, where)
-        return kept, numbers
-
-    def _refuse(self, odd: csv.InvalidRow, cure: str) -> None:
+    def _refuse(self, first: str, cure: str) -> None:
         """Raises InputError for a table in which most rows do not fit the header."""
-        count, read = _filled(self.header), self.account.total.read
-        left = self.account.total.left_out
+        count, read, left = _filled(self.header), self.account.total.read, self.account.total.left_out
         few = "none" if left == read else f"only {read - left}"
-        first = next(iter(self.account.total.aside.values())).first
-        if count > 2 and odd.actual_columns == count + 1:  # with two columns it is a decimal comma
+        if count > 2 and first.endswith(f" with {count + 1}"):  # with two columns it is a decimal comma
             cure = (
                 f"a value with '{self.delimiter}' in it, such as 1,234 or 50.1,8.2, must be quoted, or {cure}"
             )
         raise InputError(
             f"{self.path} is no table as it is read: its header has {count} cell{'s' if count != 1 else ''}, "
-            f"and {few} of the {read} rows below has as many; {cure} "
-            f"(first {first} with {odd.actual_columns})"
+            f"and {few} of the {read} rows below has as many; {cure} (first {first})"
         )
 
-    def _places(self, body: bytes) -> Callable[[int], str]:
-        """A function that returns the line in the file of the k-th row below the header, as 'line N'.
-
-        Rows are lines, unless lines are blank or quoted cells may span lines; then the records are read.
-        """
-        first = self.lines + 1
-        uneven = (b'"', b"\n\n", b"\n\r", b"\r\r")
-        if not body.startswith((b"\n", b"\r")) and not any(mark in body for mark in uneven):
-            return lambda row: f"line {first + row}"
-
-        @cache
-        def lines() -> list[int]:
-            return [line for line, _ in self._records(self.start, self.delimiter)]
-
-        return lambda row: f"line {first + (lines()[row] if row < len(lines()) else row)}"
+    def place(self, row: int) -> str:
+        """The line of a row, by its number below the header."""
+        return f"line {self.begin + row + 1}"
 
 
 def single_blanks(data: bytes) -> bytes:

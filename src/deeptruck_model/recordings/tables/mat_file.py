@@ -62,9 +62,14 @@ def read(path: Path) -> tuple[pa.Table, list[str]]:
 
 def _of(name: str, value: Any, timed: list[tuple[NDArray[Any], Vectors]]) -> Vectors:
     """The vectors of a variable that have no time of their own; those that have are added to `timed`."""
+    found: Vectors = {}
+    if isinstance(value, np.ndarray) and value.dtype == object:  # an array of structures
+        for k, one in enumerate(value.ravel()):
+            label = getattr(one, "name", "")
+            found |= _of(f"{name}.{label if isinstance(label, str) and label else k + 1}", one, timed)
+        return found
     if not hasattr(value, "_fieldnames"):
         return dict(_vectors(name, value))
-    found: Vectors = {}
     for inner in value._fieldnames:
         found |= _of(f"{name}.{inner}", getattr(value, inner), timed)
     clocks = {f"{name}.{clock}".lower() for clock in CLOCKS}

@@ -328,7 +328,8 @@ def read_table(
             rows = np.arange(table.num_rows)
         else:
             text = CsvText(path, form, account)
-            table, names, rows, place = text.read(cure)
+            table, names, rows = text.read(cure)
+            place = text.place
             delimiter = text.delimiter
     except (pa.ArrowException, UnicodeError, LookupError, OSError, text_csv.Error, EOFError) as error:
         raise InputError(f"{path} cannot be read: {_why(error, form.encoding)}") from None

@@ -57,7 +57,10 @@ def account(tmp_path: Path, lines: list[str]) -> dict[str, tuple[int, str]]:
         (["t,v", *ROWS[:9], "?,11", *ROWS[10:]], {"without a time in 't'": (1, "line 11")}),
         (["t,v", *ROWS[:9], ',"11', *ROWS[10:20], '2.0,12"', *ROWS[21:]], {UNCLOSED: (2, "line 11")}),
         (["t,v", *ROWS[:9], '0.9,11,"a', 'b"', *ROWS[10:]], {UNCLOSED: (2, "line 11")}),
-        (["t,v", *ROWS[:9], '0"9,"11', '1.0,12","9,"', *ROWS[11:]], {UNCLOSED: (23, "line 12")}),
+        (
+            ["t,v", *ROWS[:9], '0"9,"11', '1.0,12","9,"', *ROWS[11:]],
+            {UNCLOSED: (1, "line 12"), "without a time in 't'": (1, "line 11")},
+        ),
         (["t,v,", *ROWS], {}),
         (["t,v", *(f"{row},," for row in ROWS)], {}),
         (["t,v", *(row + "," * (k % 3) for k, row in enumerate(ROWS))], {}),
