@@ -59,7 +59,6 @@ decimal: ","
 name: truck7
 grade_window_m: 60.0
 split_at: {speed_step: 2.5, elevation_step: 4.0}
-conceal: [grade]
 channels:
   speed: {column: v, unit: km/h, scale: 1.0, offset: 0.0, late_s: 0.1}
   elevation: {column: h, unit: m}

@@ -122,7 +122,10 @@ def format_of(path: Path) -> LogFormat | None:
 
 
 def head_of(path: Path) -> bytes:
-    """The beginning of a file, unpacked; nothing of one that cannot be read."""
+    """The beginning of a file, unpacked; nothing of one that cannot be read, or of a pipe, which may never
+    end."""
+    if not path.is_file():
+        return b""
     opened = gzip.open if path.suffix.lower() == PACKED else open
     with suppress(OSError, EOFError, zlib.error), opened(path, "rb") as file:
         return bytes(file.read(HEAD))

@@ -87,7 +87,7 @@ def test_files_that_are_not_there(tmp_path: Path) -> None:
         import_table(table, tmp_path / "columns.yaml", tmp_path / "bag")
     (tmp_path / "bag").mkdir()
     (tmp_path / "bag" / "mine").touch()
-    with pytest.raises(InputError, match="holds mine, which is no part of an imported bag"):
+    with pytest.raises(InputError, match="holds mine"):
         import_table(table, columns, tmp_path / "bag")
 
 
