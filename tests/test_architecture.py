@@ -125,7 +125,8 @@ FLOOR = tuple(
     for name in (
         "_io", "_imports", "_terminal", "checks", "constants", "errors", "files", "vehicle_kinds",
         "recordings.tables.curve_file", "recordings.tables.table_file", "recordings.tables.csv_text",
-        "recordings.tables.row_keys", "recordings.tables.mat_file", "recordings.tables.header_words",
+        "recordings.tables.row_keys", "recordings.tables.mat_file", "recordings.tables.column",
+        "recordings.tables.header_words",
         "recordings.channel_words", "recordings.units", "recordings.ranges",
         "recordings.consistency.impossible", "recordings.interpolate",
         "outside.reference", "outside.saved", "outside.truck",

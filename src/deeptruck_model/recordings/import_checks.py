@@ -97,7 +97,8 @@ def is_table(path: Path) -> bool:
     if is_can_log(path):
         raise InputError(
             f"{path} is read as a CAN log: 'truck-bridge decode' shows its signals (docs/can_bridge.md), "
-            "and 'deeptruck-model import' needs no columns but a vehicle; a table ends on .csv or .parquet"
+            f"and 'deeptruck-model import {path} --out BAG' needs no columns; a table of signals ends on "
+            ".csv or .parquet"
         )
     return True
 

@@ -28,7 +28,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from deeptruck_model._io import formats
 from deeptruck_model._io.account import Account
 from truck_bridge import log_files
-from truck_bridge.can_logs.frames import EXTENDED_MASK, Frame, Kind
+from truck_bridge.can_logs.frames import EXTENDED_FLAG, EXTENDED_MASK, Frame, Kind
 from truck_bridge.can_logs.whole import check_mcap
 from truck_bridge.errors import InputError
 
@@ -157,7 +157,7 @@ def _frame(message: Any, stamp: int, channel: str) -> Frame:
         message.id & EXTENDED_MASK,
         b"" if message.is_rtr else bytes(message.data[:length]),
         channel,
-        bool(message.is_extended),
+        bool(message.is_extended) or bool(message.id & EXTENDED_FLAG),
         kind,
         length if kind is Kind.REMOTE else 0,
     )

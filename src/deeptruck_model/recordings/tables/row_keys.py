@@ -1,10 +1,11 @@
-"""Tables that mix several things: rows of more than one vehicle, or one value per row."""
+"""Tables that mix several things: rows of more than one vehicle, one value per row, or rows written again."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
@@ -13,11 +14,14 @@ from numpy.typing import NDArray
 
 from deeptruck_model._io.reading import plain
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.tables.table_file import Column, Table, floats
+from deeptruck_model.recordings.tables.column import Column, floats
+from deeptruck_model.recordings.tables.table_file import Table
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 NUMBERS = frozenset(("id", "device", "source", "number", "nr", "no", "unit"))
+COPIED = 20  # rows in a row that make a copy
 MOST_KEYS = 200  # values of a key column
 LEAST_CHANGES = 0.05  # of the rows, from one value of the key to another where their rows are interleaved
 SMOOTHER = 0.3  # a speed varies so much less within the rows of one vehicle than from row to row
@@ -168,3 +172,55 @@ def _again(row: NDArray[np.int64], of: NDArray[np.int64], names: int) -> NDArray
     repeated = np.zeros(len(pair), dtype=bool)
     repeated[order[1:]] = np.diff(pair[order]) == 0
     return repeated
+
+
+def copies(table: Table, time: Sequence[str]) -> Mask:
+    """Rows (n,) that are written again: COPIED rows and more in the order of earlier ones, or every row.
+
+    Equal rows of a truck that stands, under a clock in whole seconds, are no copies.
+    """
+    row, codes = np.arange(len(table)), _codes(table, [*table.columns])
+    first = np.unique(codes, return_index=True)[1][codes]
+    others = _codes(table, [name for name in table.columns if name not in time])
+    varied = np.diff(others[np.unique(first)]) != 0
+    if (np.bincount(codes) > 1).all() and 2 * varied.sum() > len(varied) > 0:
+        return first < row
+    edges = np.flatnonzero(np.diff(row - first, prepend=-1, append=-1))
+    found = np.zeros(len(row), dtype=bool)
+    for i, j in pairwise(edges):
+        found[i:j] = min(j - i, i - first[i]) >= COPIED
+    return found
+
+
+def merged(table: Table, time: Sequence[str]) -> Table:
+    """The table with rows of one stamp made one, where each fills columns that the others leave blank, as
+    when a table was put together from several sensors."""
+    stamps = _codes(table, time)
+    fresh = np.diff(stamps, prepend=-1) != 0
+    if fresh.all():
+        return table
+    of = np.cumsum(fresh) - 1
+    count = int(of[-1]) + 1
+    taken: dict[str, Column] = {}
+    for name, column in table.columns.items():
+        filled = pc.is_valid(column.cells if column.is_text else column.raw).to_numpy()
+        if name not in time and (np.bincount(of[filled], minlength=count) > 1).any():
+            return table
+        row = np.full(count, -1)
+        row[of[filled][::-1]] = np.flatnonzero(filled)[::-1]
+        taken[name] = Column(name, column.raw.take(pa.array(row, mask=row < 0)), column.mark)
+    table.account.total.set_aside(
+        "merged with one of the same time that fills other columns", count=len(of) - count
+    )
+    table.account.total.used = count
+    return replace(table, columns=taken, rows=table.rows[fresh])
+
+
+def _codes(table: Table, names: Sequence[str]) -> NDArray[np.int64]:
+    """A number for the cells of each row, (n,), from 0 on; equal rows have equal ones."""
+    codes = np.zeros(len(table), dtype=np.int64)
+    for name in names:
+        cells = pc.dictionary_encode(table[name].raw, null_encoding="encode").combine_chunks()
+        codes = codes * len(cells.dictionary) + cells.indices.to_numpy()
+        codes = np.unique(codes, return_inverse=True)[1]
+    return codes

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 
@@ -20,7 +19,8 @@ from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.tables.columns import DATE_UNITS, Clock
-from deeptruck_model.recordings.tables.table_file import Column, Table, shown
+from deeptruck_model.recordings.tables.row_keys import copies, merged
+from deeptruck_model.recordings.tables.table_file import Table, shown
 from deeptruck_model.recordings.units import TIME_UNITS
 
 Array = NDArray[np.float64]
@@ -32,7 +32,6 @@ EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 BACK_S, RETURN_S, APART_S = 1.0, 5.0, 60.0  # as the clocks of CAN logs: see truck_bridge.can_logs.pieces
 TRUSTED = 20  # rows behind a jump that make it a new piece
 MOST_BACK = 0.05  # of the rows; where more go back, they are in no order
-COPIED = 20  # rows in a row that make a copy
 LEAST_SERIES = 10  # columns that differ by a number
 SAID = 5  # remarks on one table's clock
 DAY_S, HOUR_S = 86400.0, 3600.0
@@ -69,8 +68,8 @@ def timed(table: Table, clock: Clock) -> tuple[Table, Array, list[float]]:
         return table, np.arange(len(table)) / clock.rate_hz, []
     others = [name for name in table.columns if name not in clock.columns]
     table = table.without(~table.filled(others), "with a time and nothing else")
-    table = table.without(copies(table, clock), "that repeat earlier rows")
-    table = _merged(table, clock)
+    table = table.without(copies(table, clock.columns), "that repeat earlier rows")
+    table = merged(table, clock.columns)
     seconds = _seconds(table, clock)
     known = ~np.isnan(seconds)
     lost = int(np.argmax(~known))
@@ -114,58 +113,6 @@ def _beside_one_another(table: Table, apart_s: float) -> str:
         f"each row has {count} values, '{names[0]}' to '{names[-1]}', {apart_s / count:.3g} s apart: write "
         "each in a row of its own, with its own time"
     )
-
-
-def copies(table: Table, clock: Clock) -> Mask:
-    """Rows (n,) that are written again: COPIED rows and more in the order of earlier ones, or every row.
-
-    Equal rows of a truck that stands, under a clock in whole seconds, are no copies.
-    """
-    row, codes = np.arange(len(table)), _codes(table, [*table.columns])
-    first = np.unique(codes, return_index=True)[1][codes]
-    others = _codes(table, [name for name in table.columns if name not in clock.columns])
-    varied = np.diff(others[np.unique(first)]) != 0
-    if (np.bincount(codes) > 1).all() and 2 * varied.sum() > len(varied) > 0:
-        return first < row
-    edges = np.flatnonzero(np.diff(row - first, prepend=-1, append=-1))
-    found = np.zeros(len(row), dtype=bool)
-    for i, j in pairwise(edges):
-        found[i:j] = min(j - i, i - first[i]) >= COPIED
-    return found
-
-
-def _merged(table: Table, clock: Clock) -> Table:
-    """The table with rows of one stamp made one, where each fills columns that the others leave blank, as
-    when a table was put together from several sensors."""
-    stamps = _codes(table, clock.columns)
-    fresh = np.diff(stamps, prepend=-1) != 0
-    if fresh.all():
-        return table
-    of = np.cumsum(fresh) - 1
-    count = int(of[-1]) + 1
-    taken: dict[str, Column] = {}
-    for name, column in table.columns.items():
-        filled = pc.is_valid(column.cells if column.is_text else column.raw).to_numpy()
-        if name not in clock.columns and (np.bincount(of[filled], minlength=count) > 1).any():
-            return table
-        row = np.full(count, -1)
-        row[of[filled][::-1]] = np.flatnonzero(filled)[::-1]
-        taken[name] = Column(name, column.raw.take(pa.array(row, mask=row < 0)), column.mark)
-    table.account.total.set_aside(
-        "merged with one of the same time that fills other columns", count=len(of) - count
-    )
-    table.account.total.used = count
-    return replace(table, columns=taken, rows=table.rows[fresh])
-
-
-def _codes(table: Table, names: Sequence[str]) -> NDArray[np.int64]:
-    """A number for the cells of each row, (n,), from 0 on; equal rows have equal ones."""
-    codes = np.zeros(len(table), dtype=np.int64)
-    for name in names:
-        cells = pc.dictionary_encode(table[name].raw, null_encoding="encode").combine_chunks()
-        codes = codes * len(cells.dictionary) + cells.indices.to_numpy()
-        codes = np.unique(codes, return_inverse=True)[1]
-    return codes
 
 
 def _without_outliers(table: Table, time: Array) -> tuple[Table, Array]:

@@ -1,4 +1,4 @@
-"""The one reader of tables: every row and column of a CSV, Parquet or MAT file, parsed once.
+"""The one reader of tables: the rows and columns of a CSV, Parquet or MAT file.
 
 Recordings use it, and `curve_file` for leaders and roads. The account has each row and cell that is not used.
 """
@@ -10,7 +10,6 @@ import difflib
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +22,9 @@ from deeptruck_model._io import reading
 from deeptruck_model._io.account import Account
 from deeptruck_model._io.formats import PARQUET
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import units
 from deeptruck_model.recordings.tables import mat_file
+from deeptruck_model.recordings.tables.column import GROUPED, Column, has_mark
 from deeptruck_model.recordings.tables.csv_text import BLANK, SAMPLED, CsvText, Format
-from deeptruck_model.recordings.tables.header_words import spelled
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -34,19 +32,6 @@ Mask = NDArray[np.bool_]
 SHOWN = 12  # columns that an error lists
 MOST_ABOVE, MOST_BELOW = 3, 10  # rows of units above the numbers, of totals below them
 MOST_WITHOUT_KEY = 0.1  # of the rows; where more have no time, the column or its unit is mistaken
-LOOKED_AT = 5000  # rows by which the decimal mark is found
-NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
-WITH_UNIT = r"^(?P<number>[+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\d\s.,:/+-]\D*\d?)$"
-IN_UNITS = 0.9  # of the filled cells; fewer with a unit behind their number are notes
-STATES = {  # words of switches
-    **dict.fromkeys(("true", "on", "yes", "pressed", "active", "ein", "an", "ja", "wahr"), 1.0),
-    **dict.fromkeys(("false", "off", "no", "released", "inactive", "aus", "nein", "falsch"), 0.0),
-}
-GEARS = {"n": 0.0, "neutral": 0.0, "r": -1.0, "reverse": -1.0}  # letters of gears that are numbers, too
-MOST_GEARS = 24
-_WITH_MARK = {mark: rf"^[+-]?\d*[{mark}]\d+([eE][+-]?\d+)?$" for mark in ",."}
-_GROUPED = r"^\s*[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?\s*$"  # 1,300 and 1,300.5
-_THOUSANDS = r"^[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"
 LABELS = {  # in a cell of a row that sums up those above it
     "total", "totals", "sum", "mean", "average", "avg", "min", "max", "minimum", "maximum", "median", "std",
     "stdev", "count", "summe", "gesamt", "mittel", "mittelwert", "durchschnitt", "minimalwert", "maximalwert",
@@ -55,121 +40,6 @@ LABELS = {  # in a cell of a row that sums up those above it
 HEADER = "that repeat the header"
 ABOVE = "of units or text above the numbers"
 BELOW = "of totals or text below the numbers"
-
-
-@dataclass(frozen=True)
-class Parsed:
-    """The numbers of a column (n,), NaN for blank cells and text; which rows (n,) are such text; and the unit
-    written behind the numbers, '' if there is none."""
-
-    values: Array
-    unreadable: Mask
-    unit: str = ""
-
-
-class Column:
-    """One column, parsed at its first use: decimal mark, thousands, units in cells, states and gears.
-
-    `raw` (n,) are the cells as in the file; `mark` is the table's decimal mark, and `pointed` says that other
-    columns have decimal points, so that commas in this one separate thousands.
-    """
-
-    def __init__(self, name: str, raw: pa.ChunkedArray, mark: str = ".", *, pointed: bool = False) -> None:
-        self.name, self.raw, self.mark, self.pointed = name, raw, mark, pointed
-
-    @property
-    def is_text(self) -> bool:
-        """Whether it has cells of text, as all columns of CSV have."""
-        return bool(pa.types.is_string(self.raw.type))
-
-    @property
-    def is_temporal(self) -> bool:
-        """Whether it has a type of time, as columns of Parquet may have."""
-        return bool(pa.types.is_temporal(self.raw.type))
-
-    @cached_property
-    def cells(self) -> pa.ChunkedArray:
-        """Text without surrounding blanks, null if empty."""
-        try:
-            cells = pc.utf8_trim_whitespace(pc.cast(self.raw, pa.string()))
-        except pa.ArrowException:
-            raise InputError(
-                f"column '{self.name}' of type {self.raw.type} holds no text or numbers"
-            ) from None
-        return pc.if_else(pc.equal(cells, ""), pa.scalar(None, pa.string()), cells)
-
-    @property
-    def values(self) -> Array:
-        """The numbers (n,), NaN for blank cells and text."""
-        return self._parsed.values
-
-    @property
-    def unreadable(self) -> Mask:
-        """Which rows (n,) have text that is no number."""
-        return self._parsed.unreadable
-
-    @property
-    def unit(self) -> str:
-        """The unit behind the numbers of its cells, as in '54 km/h'; '' if there is none."""
-        return self._parsed.unit
-
-    @cached_property
-    def _parsed(self) -> Parsed:
-        if not self.is_text:
-            try:
-                numbers = pc.cast(self.raw, pa.float64(), safe=False).fill_null(np.nan).to_numpy()
-            except pa.ArrowException:
-                raise InputError(f"column '{self.name}' of type {self.raw.type} holds no numbers") from None
-            return Parsed(numbers.astype(np.float64), np.zeros(len(numbers), dtype=bool))
-        values, unreadable = floats(self.cells, self.mark)
-        if unreadable.any() and self.mark == "." and self.pointed and self._grouped():
-            values, unreadable = floats(pc.replace_substring(self.cells, ",", ""), self.mark)
-        if not unreadable.any():
-            return Parsed(values, unreadable)
-        return self._with_units() or self._with_words(values, unreadable)
-
-    def _grouped(self) -> bool:
-        """Whether all commas are as in 1,300."""
-        commas = pc.match_substring(self.cells, ",")
-        return bool(pc.all(pc.equal(commas, pc.match_substring_regex(self.cells, _GROUPED))).as_py())
-
-    def _with_units(self) -> Parsed | None:
-        """Numbers with their unit behind them, each cell read in its own and given in the most frequent one;
-        None if nearly all cells have no unit."""
-        parts = pc.extract_regex(self.cells, WITH_UNIT)
-        written = pc.dictionary_encode(pc.struct_field(parts, "unit")).combine_chunks()
-        of = written.indices.fill_null(-1).to_numpy(zero_copy_only=False)
-        if (of >= 0).sum() <= IN_UNITS * pc.sum(pc.is_valid(self.cells)).as_py():
-            return None
-        names = written.dictionary.to_pylist()
-        usual = names[int(np.argmax(np.bincount(of[of >= 0])))]
-        values, unreadable = floats(pc.coalesce(pc.struct_field(parts, "number"), self.cells), self.mark)
-        for code, name in enumerate(names):
-            into = units.between(spelled(name, self.name), spelled(usual, self.name))
-            if name != usual and into is not None:
-                values = np.where(of == code, into[0] * values + into[1], values)
-            elif name != usual and (of == code).mean() > 0:
-                unreadable = unreadable | (of == code)
-        return Parsed(np.where(unreadable, np.nan, values), unreadable, usual)
-
-    def _with_words(self, values: Array, unreadable: Mask) -> Parsed:
-        """Words of switches as 1 and 0 in a column without numbers, and letters of gears beside numbers of
-        gears."""
-        known = values[np.isfinite(values)]
-        gears = bool((known == np.rint(known)).all() and np.abs(known).max(initial=0.0) <= MOST_GEARS)
-        words = STATES | GEARS if not len(known) else GEARS if gears else {}
-        index = pc.index_in(pc.utf8_lower(self.cells), pa.array([*words], pa.string()))
-        found = pc.is_valid(index).to_numpy()
-        of = pc.take(pa.array([*words.values()], pa.float64()), index.combine_chunks())
-        numbers = of.fill_null(np.nan).to_numpy(zero_copy_only=False)
-        return Parsed(np.where(found, numbers, values), unreadable & ~found)
-
-    def take(self, rows: NDArray[np.int64]) -> Column:
-        """The column with these of its rows; what was parsed stays."""
-        other = Column(self.name, self.raw.take(pa.array(rows)), self.mark, pointed=self.pointed)
-        if parsed := self.__dict__.get("_parsed"):
-            other.__dict__["_parsed"] = Parsed(parsed.values[rows], parsed.unreadable[rows], parsed.unit)
-        return other
 
 
 @dataclass(frozen=True)
@@ -340,7 +210,7 @@ def read_table(
         plain.setdefault(name, _plain_type(column))
     repeated = frozenset(name for name in plain if name and names.count(name) > 1)
     decimal = form.decimal or _decimal_mark([*plain.values()], delimiter)
-    points = [name for name, raw in plain.items() if decimal == "." and _has_mark(raw, ".")]
+    points = [name for name, raw in plain.items() if decimal == "." and has_mark(raw, ".")]
     columns = {
         name: Column(name, raw, decimal, pointed=bool(points) and points != [name])
         for name, raw in plain.items()
@@ -371,68 +241,16 @@ def check_table(path: Path) -> None:
         reading.check_file(path, "give a CSV or Parquet table")
 
 
-def floats(cells: pa.ChunkedArray, decimal: str) -> tuple[Array, Mask]:
-    """Text cells as float64 (n,), NaN if null or not a number, and (n,) which cells are filled but not
-    numbers."""
-    if decimal != ".":
-        cells = pc.replace_substring(_without_thousands(cells), decimal, ".")
-    try:
-        values: Array = cells.cast(pa.float64()).fill_null(np.nan).to_numpy().astype(np.float64)
-        return values, np.zeros(len(cells), dtype=bool)
-    except pa.ArrowInvalid:
-        pass  # some cell is no number
-    plain = pc.fill_null(pc.match_substring_regex(cells, NUMBER), False)
-    numbers = pc.if_else(plain, cells, pa.scalar(None, pa.string()))
-    values = numbers.cast(pa.float64()).fill_null(np.nan).to_numpy().astype(np.float64)
-    others = np.flatnonzero(pc.and_(pc.is_valid(cells), pc.invert(plain)).to_numpy())
-    unreadable = np.zeros(len(cells), dtype=bool)
-    for row, cell in zip(others, cells.take(pa.array(others)).to_pylist(), strict=True):
-        word = cell.lower().lstrip("+-")
-        unreadable[row] = word not in ("nan", "inf", "infinity")
-        values[row] = np.nan if unreadable[row] else float(cell)
-    return values, unreadable
-
-
-def _without_thousands(cells: pa.ChunkedArray) -> pa.ChunkedArray:
-    """Cells with a decimal comma, in which points can only separate thousands: 1.580 and 1.580,0 are 1580.
-
-    A column that has points in other positions and no comma has a decimal point, whatever the others have.
-    """
-    points = pc.match_substring(cells, ".")
-    if not pc.any(points).as_py():
-        return cells
-    marked = pc.match_substring_regex(cells, _THOUSANDS)
-    commas = pc.any(pc.match_substring(cells, ",")).as_py()
-    others = pc.and_(points, pc.invert(marked))
-    if pc.any(others).as_py() and not commas:
-        return cells
-    cells = pc.if_else(marked, pc.replace_substring(cells, ".", ""), cells)
-    return pc.if_else(others, pc.binary_join_element_wise(cells, pa.scalar("?"), ""), cells)  # is no number
-
-
 def _decimal_mark(columns: Sequence[pa.ChunkedArray], delimiter: str) -> str:
     """A comma if cells have one and none has a point. Between commas, where every such cell could be of
     thousands (1,300), it stays a point."""
     texts = [column for column in columns if pa.types.is_string(column.type)]
-    if any(_has_mark(column, ".") for column in texts):
+    if any(has_mark(column, ".") for column in texts):
         return "."
-    commas = [column for column in texts if _has_mark(column, ",")]
-    alike = rf"{_GROUPED}|^[^,]*$"
+    commas = [column for column in texts if has_mark(column, ",")]
+    alike = rf"{GROUPED}|^[^,]*$"
     grouped = [pc.all(pc.match_substring_regex(c.drop_null(), alike)).as_py() for c in commas]
     return "," if commas and (delimiter != "," or not all(grouped)) else "."
-
-
-def _has_mark(column: pa.ChunkedArray, mark: str) -> bool:
-    """Whether a number in a column of text has this decimal mark, or one with a unit behind it."""
-    if not pa.types.is_string(column.type):
-        return False
-    for part in (column.slice(0, LOOKED_AT), column.slice(LOOKED_AT)):
-        some = part.filter(pc.match_substring(part, mark))
-        some = pc.utf8_trim_whitespace(some)
-        some = pc.coalesce(pc.struct_field(pc.extract_regex(some, WITH_UNIT), "number"), some)
-        if pc.any(pc.match_substring_regex(some, _WITH_MARK[mark])).as_py():
-            return True
-    return False
 
 
 def shown(cell: object) -> str:

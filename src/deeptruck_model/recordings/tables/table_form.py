@@ -10,6 +10,8 @@ from pathlib import Path
 from deeptruck_model._io import reading
 from deeptruck_model._io.formats import check_measurement
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.tables.column import STATES
+from deeptruck_model.recordings.tables.column import WITH_UNIT as OF_UNIT
 from deeptruck_model.recordings.tables.csv_text import (
     DELIMITERS,
     Format,
@@ -17,8 +19,7 @@ from deeptruck_model.recordings.tables.csv_text import (
     single_blanks,
     without_mark,
 )
-from deeptruck_model.recordings.tables.table_file import STATES, check_table, is_typed
-from deeptruck_model.recordings.tables.table_file import WITH_UNIT as OF_UNIT
+from deeptruck_model.recordings.tables.table_file import check_table, is_typed
 
 LOOKED_AT = 1000  # lines in which header and delimiter are looked for
 MOST_HEAD = 2**20  # characters of those lines

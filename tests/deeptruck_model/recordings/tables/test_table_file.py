@@ -16,6 +16,7 @@ from pyarrow import parquet
 from deeptruck_model._io.json_data import to_json
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table
+from deeptruck_model.recordings.tables.column import floats
 from deeptruck_model.recordings.tables.csv_text import BLANK, RAGGED, UNCLOSED, Format
 from deeptruck_model.recordings.tables.curve_file import read_curve
 from deeptruck_model.recordings.tables.table_file import (
@@ -23,7 +24,6 @@ from deeptruck_model.recordings.tables.table_file import (
     BELOW,
     HEADER,
     SHOWN,
-    floats,
     read_table,
 )
 

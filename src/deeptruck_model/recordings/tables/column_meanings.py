@@ -1,0 +1,332 @@
+"""What the columns of a table may mean: the channel by words and units of the header, the unit also by the
+range of the numbers or by agreement with other columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from deeptruck_model._io.reading import plain
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.candidates import DEMANDS, FIELD, TOPIC, Candidate
+from deeptruck_model.recordings.channel_words import (
+    BY_WORDS,
+    COMMANDED,
+    LEADER,
+    named_channels,
+    units_by_range,
+)
+from deeptruck_model.recordings.consistency.agreement import metres_of
+from deeptruck_model.recordings.consistency.proposals import unit_of
+from deeptruck_model.recordings.interpolate import Series
+from deeptruck_model.recordings.message_types import Role
+from deeptruck_model.recordings.ranges import RAW_TORQUE
+from deeptruck_model.recordings.survey import Field
+from deeptruck_model.recordings.tables.header_words import IMPERIAL, METRIC, Header, fits, sibling, spelled
+from deeptruck_model.recordings.tables.row_clock import RowClock
+from deeptruck_model.recordings.tables.table_file import MOST_ABOVE, Table
+from deeptruck_model.recordings.topic_map import PARTS
+from deeptruck_model.recordings.units import conversion
+
+Array = NDArray[np.float64]
+
+LOOKED_AT = 100_000  # rows by which the clock is found and units are compared
+RARE = 0.002  # of the values: codes of faults, which say nothing of the unit
+MOSTLY = 0.5  # of the filled cells of a column of numbers
+METRES_PER_DEGREE = 111_195.0  # of a great circle
+SIGNED = 0.02  # of the largest value: below minus this a pedal does brake
+_LAST = 10  # place behind all others: receivers report a speed a second or two late
+_SATELLITES = frozenset(("gps", "gnss"))
+_TORQUE = frozenset(("torque", "engine"))
+_DRIVES = frozenset(("acceleration", "accelerator", "accel", "throttle", "gas", "pedal"))
+_AVERAGE = frozenset(("avg", "average", "mean"))
+_TELLING = {  # units by which a column is known without a word
+    "speed": ("km/h", "mph", "m/s"), "engine_speed": ("rpm",), "engine_torque": ("N m", "Nm"),
+    "fuel_rate": ("l/h", "g/h", "kg/h", "g/s", "ml/min"),
+}  # fmt: skip
+_COUNTS = {  # counts of J1939 and of loggers without floats
+    "speed": (("km/h", 0.1), ("km/h", 1 / 256), ("km/h", 0.01), ("m/s", 0.01), ("m/s", 0.001)),
+    "engine_command": (("percent", 0.4), ("percent", 0.1)),
+    "brake_command": (("percent", 0.4), ("percent", 0.1)),
+    "engine_speed": (("rpm", 0.125),),
+}
+SWITCH = "a measured value: this one is on or off only"
+_OF_OTHERS = {"metric": ("mph", "ft", "degF", "psi"), "imperial": ("km/h",)}  # units that the others rule out
+_NO_VALUE = r"^(?i:-+|\?+|n/?a|#n/a|null|none|inv|err)$"
+PLACE_WORDS = frozenset(("x", "pos", "position", "vehicle", "utm", "local", "odom", "map", "m", "easting"))
+
+
+@dataclass(frozen=True)
+class TableColumn:
+    """One column of numbers: its header, the values (n,) of all rows, and its range."""
+
+    name: str
+    header: Header
+    values: Array
+    field: Field
+
+    @property
+    def largest(self) -> float:
+        """The largest magnitude without rare codes; NaN for a column without numbers."""
+        sizes = np.abs(self.values[np.isfinite(self.values)])
+        return float(np.quantile(sizes, 1.0 - RARE, method="lower")) if len(sizes) else np.nan
+
+    @property
+    def filled(self) -> float:
+        """The share of rows that have a number."""
+        return float(np.isfinite(self.values).mean())
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """The channel that a column may be, and its possible units."""
+
+    column: TableColumn
+    channel: str
+    asked: frozenset[str]
+    place: int
+    role: Role
+    units: list[str]
+    said: str
+    scale: float = 1.0
+    offset: float = 0.0
+    part: str = ""
+    guess: str = ""
+    needs: str = ""
+    counts: tuple[tuple[str, float], ...] = ()  # units and scales that its numbers may be in
+
+    @property
+    def unit(self) -> str:
+        return self.units[0] if len(self.units) == 1 else ""
+
+    @property
+    def candidate(self) -> Candidate:
+        switch = self.channel in DEMANDS and {*np.unique(self.column.values[:LOOKED_AT])} == {0.0, 1.0}
+        return Candidate(
+            self.channel,
+            None,
+            self.column.field,
+            "" if switch else self.unit,
+            f"'{' '.join(sorted(self.asked))}' in its name; {self.said}" if self.asked else self.said,
+            FIELD if self.column.header.unit else TOPIC,  # a unit that is stated is the surest
+            self.role,
+            self.scale,
+            self.offset,
+            self.place,
+            SWITCH if switch else self.needs,
+            guess=self.guess,
+            part=self.part,
+        )
+
+
+def numbers_of(table: Table, name: str, named: Header) -> TableColumn | None:
+    """A column of numbers; None for others."""
+    try:
+        values, unreadable = table[name].values, table[name].unreadable
+    except InputError:
+        return None
+    finite = np.isfinite(values)
+    if unreadable.any():
+        unreadable = (
+            unreadable
+            & ~pc.fill_null(pc.match_substring_regex(table[name].cells, _NO_VALUE), False).to_numpy()
+        )
+    if not finite.any() or finite.sum() < MOSTLY * (finite.sum() + unreadable.sum()):
+        return None
+    field = Field(name)
+    field.take(values)
+    return TableColumn(name, named, values, field)
+
+
+def unit_below(table: Table, name: str) -> str:
+    """The cell of a row of units, a text above numbers, or the unit after the numbers of the cells."""
+    if not table[name].is_text:
+        return ""
+    if spelled(within := table[name].unit, name):
+        return within
+    above = [cell or "" for cell in table[name].cells[:MOST_ABOVE].to_pylist()]
+    return next((cell for cell in above if spelled(cell, name)), "")
+
+
+def meanings_of(columns: list[TableColumn], headers: dict[str, Header], *, vbo: bool) -> list[Meaning]:
+    """What the columns may mean, each with its possible units; of a VBO file with those of its places."""
+    system = _system(headers)
+    found = [meaning for column in columns for meaning in _of_column(column, system)]
+    found = [_of_vbo(one) for one in found] if vbo else found
+    return _pedals_alike([*found, *_by_unit(columns, found)])
+
+
+def _system(headers: dict[str, Header]) -> str:
+    """'metric' or 'imperial' by all units and the language of the headers; '' if both or none occur."""
+    units = {one.unit.lower() for one in headers.values()}
+    metric = bool(units & METRIC) or any(one.german for one in headers.values())
+    imperial = bool(units & IMPERIAL)
+    return "" if metric == imperial else "metric" if metric else "imperial"
+
+
+def _of_column(column: TableColumn, system: str) -> list[Meaning]:
+    """The first channel that matches the words of the header and can have its unit; both commands for one
+    pedal that drives above zero and brakes below."""
+    words, unit, values = column.header.words, column.header.unit, column.values
+    for named in named_channels(words, frozenset()):
+        channel = named.channel
+        percent = channel == "engine_torque" and bool(unit) and not fits(channel, unit)
+        if channel == "engine_torque" and (percent or words & COMMANDED):
+            channel = "engine_command"  # a torque in percent is what a demand is in
+        if channel == "speed" and "wheel" in words and unit == "rpm":
+            needs = "the rolling radius r of the wheel: scale is 0.1047 r, here for 0.5 m"
+            turns = Meaning(column, channel, named.asked, _LAST, Role.MEASURED, [], "turns of a wheel")
+            return [replace(turns, scale=0.05236, guess="m/s", needs=needs)]
+        driven = channel == "gap" and (unit in ("km", "mi") or _grows(values))
+        if driven or (unit and not fits(channel, unit)):
+            continue
+        units, said = [unit], f"its unit by {column.header.stated}"
+        if not unit:
+            units = units_by_range(channel, words, column.largest)
+            units = [one for one in units if one not in _OF_OTHERS.get(system, ())]
+            if channel == "engine_command" and not words & _TORQUE:
+                units = [one for one in units if one != "N m"]
+            known = len(units) == 1 and units[0]
+            said = (
+                f"no unit is stated, {units[0]} alone fits its range: check" if known else "no unit is stated"
+            )
+        role = Role.COMMANDED if words & COMMANDED else Role.MEASURED
+        place = named.place + (1 if percent else 0)  # an output, behind the pedal that demands it
+        place += _LAST if channel == "speed" and words & _SATELLITES else 0
+        one = Meaning(column, channel, named.asked, place, role, units, said)
+        if channel in DEMANDS and words & _DRIVES and (values < -SIGNED * column.largest).mean() > RARE:
+            says = f"{said}; one column that drives above zero and brakes below"
+            units = [unit] if unit else units_by_range("engine_command", frozenset(), column.largest)
+            one, parts = replace(one, units=units), zip(DEMANDS, PARTS, strict=True)
+            return [replace(one, channel=command, said=says, part=part) for command, part in parts]
+        return [_of_counts(one)]
+    return []
+
+
+def _of_vbo(one: Meaning) -> Meaning:
+    """Places of a VBO file are in minutes, and longitude is positive to the west."""
+    if one.channel not in ("latitude", "longitude"):
+        return one
+    west = one.channel == "longitude"
+    said = f"in minutes{', positive to the west,' if west else ''} as VBO files have it"
+    return replace(one, units=["arcmin"], scale=-1.0 if west else 1.0, said=said)
+
+
+def _of_counts(one: Meaning) -> Meaning:
+    """The meaning with the scale and offset of J1939, or of another logger, where the numbers are as on the
+    bus: proposed for a torque in percent, else asked for."""
+    low, most = float(np.nanmin(one.column.values)), one.column.largest
+    if one.channel == "engine_command" and one.unit in ("%", "percent"):
+        zero, largest = RAW_TORQUE
+        if one.column.header.words & _TORQUE and zero < most <= largest and low > 0.5 * zero:
+            said = f"{one.said}; percent torque of J1939 without its offset, as more than {zero:g} % is none"
+            return replace(one, offset=-zero, said=said)
+    if one.units:
+        return one
+    fitting = [
+        (unit, scale)
+        for unit, scale in _COUNTS.get(one.channel, ())
+        if unit in units_by_range(one.channel, one.column.header.words, scale * most)
+    ]
+    if not fitting:
+        return one
+    unit, scale = max(fitting, key=lambda count: conversion(one.channel, count[0]).factor * count[1])
+    counts = " or ".join(f"{scale:.4g} {unit}" for unit, scale in fitting)
+    needs = f"a check: are its numbers counts of {counts}? Else its unit"
+    return replace(one, scale=scale, guess=unit, needs=needs, counts=tuple(fitting))
+
+
+def _pedals_alike(meanings: list[Meaning]) -> list[Meaning]:
+    """The meanings without the unit of a pedal that states none, where the other pedal is in counts."""
+    pedals = [one for one in meanings if one.channel in DEMANDS and not one.column.header.unit]
+    if not any(one.counts for one in pedals):
+        return meanings
+    needs = "a check: the other pedal is in counts; is this one in {}?"
+    return [
+        replace(one, units=[], guess=one.unit, needs=needs.format(one.unit))
+        if one.unit and one in pedals
+        else one
+        for one in meanings
+    ]
+
+
+def _by_unit(columns: list[TableColumn], meanings: list[Meaning]) -> list[Meaning]:
+    """Channels that no header names, by the only column in a unit that nothing else on a truck has."""
+    found = []
+    for channel, units in _TELLING.items():
+        if any(one.channel == channel and one.role is Role.MEASURED for one in meanings):
+            continue
+        none_of = (BY_WORDS[channel].none_of | COMMANDED | LEADER) - _AVERAGE
+        few = [c for c in columns if c.header.unit in units and not c.header.words & none_of]
+        few = [c for c in few if "engine" in c.header.words] or few if channel == "engine_torque" else few
+        across = sibling(few[0].name, [c.name for c in few]) if few else ""
+        if len(few) == 1 or across:
+            unit = few[0].header.unit
+            said = f"{'columns' if across else 'the only column'} in {unit}: check; by {few[0].header.stated}"
+            found.append(Meaning(few[0], channel, frozenset(), 0, Role.MEASURED, [unit], said))
+    return found
+
+
+def _on_a_plane(columns: list[TableColumn], at: NDArray[np.int64]) -> Iterator[tuple[str, list[Array]]]:
+    """Columns x and y of positions in metres, (n,) each, as latitude and longitude near the equator."""
+    named = {c.name: c for c in columns if c.header.words & {"x"} and c.header.words <= PLACE_WORDS}
+    for name, x in named.items():
+        y = next((c for c in columns if c.name == sibling(name, [other.name for other in columns])), None)
+        if y is not None and x.header.unit in ("", "m"):
+            yield (
+                plain(name),
+                [(axis - np.nanmean(axis)) / METRES_PER_DEGREE for axis in (y.values[at], x.values[at])],
+            )
+
+
+def _grows(values: Array) -> bool:
+    """Whether values never decrease, as those of an odometer."""
+    steps = np.diff(values[np.isfinite(values)])
+    return bool((steps >= 0.0).all() and (steps > 0.0).any())
+
+
+def compared(meanings: list[Meaning], clock: RowClock, columns: list[TableColumn]) -> list[Meaning]:
+    """Meanings whose unit was undecided, with the one that agrees with columns of known units."""
+    if clock.seconds is None:
+        return meanings
+    seconds, at = np.unique(clock.seconds, return_index=True)
+    at = at[np.isfinite(seconds)]
+    seconds = seconds[: len(at)]
+    travelled = {
+        c.name: [(plain(c.name), Series(seconds, c.values[at]))] for c in columns if metres_of(c.name)
+    }
+    for name, axes in _on_a_plane(columns, at):
+        for channel, axis in zip(("latitude", "longitude"), axes, strict=True):
+            travelled.setdefault(channel, []).append((name, Series(seconds, axis)))
+    for channel in ("speed", "acceleration", "speed", "grade"):  # each by those before
+        known = dict(travelled)
+        for one in meanings:
+            if one.unit and one.role is Role.MEASURED:
+                values = conversion(one.channel, one.unit)(one.column.values[at])
+                named = (plain(one.column.name), Series(seconds, values))
+                known[one.channel] = [named, *known.get(one.channel, [])]
+        for k, one in enumerate(meanings):
+            if one.channel != channel or len(one.units) == 1:
+                continue
+            options = [(unit, 1.0) for unit in one.units] or list(one.counts)
+            unit, scale, why = unit_of(channel, options, Series(seconds, one.column.values[at]), known)
+            if unit:
+                said = f"no unit is stated, {why}: check"
+                meanings[k] = replace(one, units=[unit], scale=scale, said=said, guess="", needs="")
+    return [_beside_speed(one, meanings) for one in meanings]
+
+
+def _beside_speed(one: Meaning, meanings: list[Meaning]) -> Meaning:
+    """A height of no stated unit in the system of units of the speed."""
+    speeds = {other.unit for other in meanings if other.channel == "speed" and other.unit}
+    if one.channel != "elevation" or len(one.units) < 2 or len(speeds) != 1:
+        return one
+    unit = "ft" if speeds == {"mph"} else "m"
+    return replace(
+        one, units=[unit], said=f"no unit is stated, {unit} beside a speed in {speeds.pop()}: check"
+    )
