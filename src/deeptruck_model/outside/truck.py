@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from numbers import Real
@@ -244,7 +245,8 @@ def load(text: str) -> OutsideTruck:
 def keep(simulator: Any, path: Path) -> None:
     """Save a simulator that is corrected as the folder `path`.
 
-    For an object that was passed and cannot save itself in a loadable form, a description is written.
+    For an object that was passed and cannot save itself in a loadable form, a description is written, and a
+    note on stderr says how to pass one that can be loaded.
     """
     with suppress(NotImplementedError):  # nobody else's object needs to know how to save itself
         if hasattr(simulator, "save"):
@@ -252,8 +254,14 @@ def keep(simulator: Any, path: Path) -> None:
     if (path / MANIFEST).is_file():
         return
     kind = type(simulator)
+    name = f"{kind.__module__}.{kind.__qualname__}"
+    print(
+        f"note: {path} only describes the simulator, an object of {name}: to load it later, pass "
+        "'python:MODULE:FACTORY', a function that makes it",
+        file=sys.stderr,
+    )
     content = {"interface": simulator.interface.to_dict(), "dt": simulator.dt, "parameters": {}}
-    _write(path, {"simulator": None, "object": f"{kind.__module__}.{kind.__qualname__}"} | content)
+    _write(path, {"simulator": None, "object": name} | content)
 
 
 def _write(path: Path, content: Mapping[str, Any]) -> None:

@@ -77,8 +77,8 @@ def _possible(one: Candidate, values: Values) -> Candidate:
     whose decimal points were lost."""
     if one.sure == OURS or one.role is Role.COMMANDED:
         return one
-    if one.channel == "speed" and one.field.still and not one.across:
-        return replace(one, unit="", needs="another source: this one never changes")
+    if one.channel == "speed" and one.field.low == one.field.high == 0.0 and not one.across:
+        return replace(one, unit="", needs="another source: this one is 0 all the time")
     held = values(one) if one.channel in ("speed", "elevation", "engine_speed") else None
     needs = ""
     if held is not None and (says := lost_decimals(held[1])):
