@@ -104,7 +104,7 @@ def last_line(capsys) -> str:
     [
         (["train", "--simulator", "nowhere", "--out", "{tmp}/p"], ["nowhere does not exist"]),
         (["train", "--simulator", "truck:nosuch", "--out", "{tmp}/p"], ["nosuch"]),
-        (["train", "--simulator", SIM, "--out", "{tmp}/taken"], ["taken holds thesis.tex, which is no part"]),
+        (["train", "--simulator", SIM, "--out", "{tmp}/taken"], ["taken holds thesis.tex but no"]),
         (["train", "--simulator", SIM, "--out", "{tmp}/link"], ["link is a symbolic link"]),
         (
             ["train", "--simulator", "nowhere", "--trainer=trpo", "--scene=moon", "--out", "{tmp}/taken"],
@@ -114,7 +114,7 @@ def last_line(capsys) -> str:
         (["evaluate", "baseline:x", "--simulator", SIM, "--out", "{tmp}/e"], ["known: acc"]),
         (
             ["evaluate", "{tmp}/p", "--simulator", "nowhere", "--out", "{tmp}/taken"],
-            ["it has no policy.json", "nowhere does not exist", "no part of an evaluation"],
+            ["it has no policy.json", "nowhere does not exist", "taken holds thesis.tex but no"],
         ),
         (["evaluate", "baseline:acc", "--all-seeds", "--simulator", SIM, "--out=e"], ["has no seeds"]),
         (["export", "baseline:acc", "--out", "{tmp}/p.onnx"], ["not a trained policy"]),

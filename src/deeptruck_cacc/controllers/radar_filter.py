@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
 
 Array = NDArray[np.float64]
 
@@ -43,6 +42,8 @@ class RadarFilter:
         leader node; the leader's acceleration changes by `wander` (m/s^2, sd) in a second. Only their ratios
         matter.
         """
+        from scipy.linalg import solve_discrete_are  # not loaded for --help and refusals
+
         noise, step = np.diag([range_sd**2, speed_sd**2]), np.eye(3) + dt * np.eye(3, k=1)
         expected = solve_discrete_are(step.T, np.eye(3, 2), np.diag([0.0, 0.0, wander**2 * dt]), noise)
         gain = expected[:, :2] @ np.linalg.inv(expected[:2, :2] + noise)
