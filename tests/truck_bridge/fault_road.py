@@ -195,6 +195,7 @@ def play(
     scene += f", {100 * grade:+.0f} %" * bool(grade) + f", {heavy:g} of the mass" * (heavy != 1.0)
     begins = min([d.at for d in plan], default=happens)
     ended, false_since, longest, why, reason = math.nan, math.nan, 0.0, ("not asked",), ""
+    stood = False  # it may be handed back to a driver who is to drive off
     engaged, start, gained, undo = False, speed, 0.0, dict[Drawn, object]()
     lied = frozenset(
         s for d in plan if FAULTS[d.name].machine in ("bus", "driver") for s in _told(vehicle, d)
@@ -218,7 +219,7 @@ def play(
                 break
         holds = chain.state == "engaged"
         if engaged and not holds and math.isnan(ended):
-            ended, gained = chain.now, chain.truck.speed - start
+            ended, gained, stood = chain.now, chain.truck.speed - start, chain.truck.speed < 0.1
             reason = chain.following.why or chain.bridge.safety.reason
         false = holds and bool(undo) and chain.contradicted(lied)
         false_since = (chain.now if math.isnan(false_since) else false_since) if false else math.nan
@@ -244,7 +245,7 @@ def play(
         broken.append("did not engage")
     if not early and engaged and math.isnan(ended) and must and math.isnan(witness.hit):
         broken.append("control was kept")
-    if not early and (ended < begins or (not math.isnan(ended) and bridge)):
+    if not early and (ended < begins or (not math.isnan(ended) and bridge and not stood)):
         broken.append("control ended")
     if longest > KEPT_S:
         broken.append("control was kept on a false speed")
