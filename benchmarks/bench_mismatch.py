@@ -62,6 +62,7 @@ def main() -> None:
             "--nulls": (15, f"of {NULL}"),
             "--minutes": (MINUTES, "of each recording"),
             "--levels": levels,
+            "--effect": ("", "law that every case hides, in the place of those that seeds select"),
             "--print": (False, "print alone"),
             "--kept": (False, "of the cases that are kept alone"),
         },
@@ -71,7 +72,7 @@ def main() -> None:
         for k in range(given.nulls if level == NULL else given.cases):
             if given.kept and not kept(given.out, level, given.seed + k).exists():
                 continue
-            rows.append(examined(given.out, level, given.seed + k, given.minutes))
+            rows.append(examined(given.out, level, given.seed + k, given.minutes, given.effect or None))
             print(json.dumps(rows[-1]), flush=True)
     lines = [
         *harness.heading(f"Cases of the exam, seeds from {given.seed}"),
@@ -87,7 +88,7 @@ def main() -> None:
         harness.store("mismatch", lines)
 
 
-def examined(out: Path, level: str, seed: int, minutes: float) -> Row:
+def examined(out: Path, level: str, seed: int, minutes: float, effect: str | None = None) -> Row:
     """The row of one case; read from `out` if it is kept there."""
     path = kept(out, level, seed)
     if path.exists():
@@ -95,7 +96,7 @@ def examined(out: Path, level: str, seed: int, minutes: float) -> Row:
         return stored
     folder = out / f"{level}-{seed}"
     shutil.rmtree(folder, ignore_errors=True)  # of a stopped run
-    case = make_case(folder, level, seed, minutes=minutes)
+    case = make_case(folder, level, seed, effect, minutes=minutes)
     truth = open_truth(case)
     began = time.process_time()
     try:
@@ -134,7 +135,7 @@ def run(case: Case) -> tuple[Mismatch, Compared]:
         )
         c = compared(truck, fit, held, exclude=left_out, rules=rules)
         if not isinstance(c, Compared):
-            raise InputError(f"nothing can be compared: {c.useless}")
+            raise InputError(f"nothing can be compared: {c.unusable_because}")
         return concluded(truck, c, rules, lambda step: None), c
 
 

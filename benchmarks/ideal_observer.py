@@ -96,6 +96,9 @@ def ideal(p: Posterior, force: Array, name: str, accepted: Collection[str] = ())
     start = tuple(alone)
     with_force, worth = most_probable(r, unit, np.where(own, -np.inf, r.log_odds), start)
     worth += float(r.evidence(start) / unit + r.log_odds[true] - np.log(len(SIZES)))
+    other, of_other = best(own)
+    if of_other > worth and other[true] != OUT:
+        with_force, worth = other, of_other
     _, without = best(right | is_true)
     _, of_tool = best(is_true)
     company = tuple(OUT if j == true else s for j, s in enumerate(with_force))

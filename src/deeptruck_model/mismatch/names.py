@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +56,8 @@ class Names:
 
 
 def names(p: Posterior) -> Names:
-    """The names of a posterior, each with its probability in the draws, most probable first.
+    """The names of a posterior, each with its probability in the draws, most probable first; of those
+    probable enough to be stated the one first whose force adds up to the larger speed error.
 
     A name stands for those that act in its place: the ones that are in more often without it than with it.
     It is an effect if the probability that any of these acts is `rules.named` or more.
@@ -65,8 +67,11 @@ def names(p: Posterior) -> Names:
     left = {n: x for n, x in acts.items() if x.mean() >= Limits.rare}
     whole = tree_of(left)
     found: list[Named] = []
+    size = cache(lambda n: _speed_error(p, n))
     while left and len(found) < rules.most_findings:
-        name = max(left, key=lambda n: float(left[n].mean()))
+        likely = {n: min(float(x.mean()), rules.stated) for n, x in left.items()}
+        first = [n for n, chance in likely.items() if chance == max(likely.values())]
+        name = max(first, key=size) if len(first) > 1 else first[0]
         there = left[name]
         place = {n: x for n, x in left.items() if n == name or (x & ~there).sum() > (x & there).sum()}
         if float(np.any(list(place.values()), axis=0).mean()) < rules.named:
@@ -92,6 +97,15 @@ def _together(p: Posterior, found: Sequence[Named]) -> tuple[Named, ...]:
     )
 
 
+def _speed_error(p: Posterior, name: str) -> float:
+    """Speed error (rms, m/s) that the mean force of a name adds up to within the longest free runs."""
+    e = p.search.e
+    force = np.where(e.valid, _force(p, name)[0], 0.0)
+    window = max(1, round(Limits.horizons_s[0] / e.dt))
+    parts = [force[at : min(at + window, s.stop)] for s in e.drives for at in range(s.start, s.stop, window)]
+    return float(np.sqrt(np.mean(np.concatenate([np.cumsum(x) * e.dt for x in parts]) ** 2)))
+
+
 def tree_of(acts: Mapping[str, Mask]) -> Tree:
     """The probabilities of names from the draws (m,) in which each acts, and of any in each family."""
     families: dict[str, Mask] = {}
@@ -106,12 +120,18 @@ def tree_of(acts: Mapping[str, Mask]) -> Tree:
 def _named(p: Posterior, name: str, tree: Tree) -> Named:
     """Beside a learned simulator, which is off in many ways, only what is stated is accepted, and only if it
     gains more than any name does on the simulator's own recordings."""
-    always, acts = p.inside(name), p.acts(name)
-    lasts = bool(always.sum() >= (acts & ~always).sum())
-    force = p.force(name, always) if lasts else p.in_events
+    force, always, lasts = _force(p, name)
     sure = max(tree.families.values()) >= p.search.rules.stated
     accepted = p.search.e.known_physics or (sure and p.gain(name) > _own_gain(p))
     return Named(name, tree, p.gain(name), force, accepted, always, lasts)
+
+
+def _force(p: Posterior, name: str) -> tuple[Array, Mask, bool]:
+    """Mean force (n,) of a name in the draws in which it acts all along, these draws, and true; or else what
+    it causes in the events, m/s^2, and false."""
+    always, acts = p.inside(name), p.acts(name)
+    lasts = bool(always.sum() >= (acts & ~always).sum())
+    return p.force(name, always) if lasts else p.in_events, always, lasts
 
 
 def _own_gain(p: Posterior) -> float:

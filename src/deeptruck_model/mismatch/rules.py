@@ -54,7 +54,7 @@ class Rules:
         2.0, "1", "tolerance factor on the spread of the simulator under its own input noise", CHOSEN
     )
     evidence_temperature: float = _rule(
-        6.0,
+        9.0,
         "1",
         "log evidence is divided by it because the noise model is approximate; nats that a choice costs",
         CHOSEN,

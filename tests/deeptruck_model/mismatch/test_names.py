@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.names import Explanation, Names, names
+from deeptruck_model.mismatch.residual.evidence import DriveRows
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import SLOW
 
@@ -28,6 +29,7 @@ class Draws:
     events: Mapping[str, slice] = field(default_factory=dict)
     known_physics: bool = True
     in_events = np.ones(3)
+    forces: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def of(self) -> list[Any]:
@@ -35,7 +37,9 @@ class Draws:
 
     @property
     def search(self) -> Any:
-        return SimpleNamespace(own=None, rules=RULES, e=SimpleNamespace(known_physics=self.known_physics))
+        drives = (DriveRows("a", 0, 3, 0.0, False),)
+        e = SimpleNamespace(known_physics=self.known_physics, valid=np.ones(3, bool), dt=0.2, drives=drives)
+        return SimpleNamespace(own=None, rules=RULES, e=e)
 
     def inside(self, name: str) -> np.ndarray:
         out = np.zeros(DRAWS, dtype=bool)
@@ -52,7 +56,7 @@ class Draws:
 
     def force(self, name: str, given: np.ndarray) -> np.ndarray:
         assert given.any()
-        return np.zeros(3)
+        return np.full(3, self.forces.get(name, 0.0))
 
 
 def of(shares: Mapping[str, slice], **more: Any) -> Names:
@@ -108,6 +112,12 @@ def test_beside_a_learned_simulator_only_what_is_sure_is_accepted(
 ) -> None:
     (one,) = of({LAG: slice(share)}, known_physics=known).found
     assert one.accepted is accepted
+
+
+def test_of_stated_names_the_one_that_adds_up_to_more_comes_first() -> None:
+    shares = {LAG: slice(100), FADE: slice(95), WIND: slice(60)}
+    said = [n.name for n in of(shares, forces={LAG: 0.02, FADE: -0.1, WIND: 1.0}).found]
+    assert said == [FADE, LAG, WIND]
 
 
 def test_no_more_names_than_a_verdict_may_have() -> None:

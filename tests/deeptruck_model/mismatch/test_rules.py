@@ -49,6 +49,7 @@ STEERING: dict[str, dict[str, str]] = {
         "posterior/kernels.py": "TINY",
         "posterior/posterior.py": "LASTING MOST_KNOTS MOST_PLACES PLACE_M STEADY",
         "posterior/relinearise.py": "SETTLED",
+        "posterior/fitted.py": "FORMS IN_PLACE LEAST_GAIN REACH",
         "posterior/sampler.py": "BURN_IN LEAST_POWER LEAST_STEP MOST_KNOWN",
         "residual/components.py": "ALIKE ASK_EVERY_S KNOTS LOOK_BACK_S",
         "residual/evidence.py": "BLOCK_LEARNED_S BLOCK_S SLOW_NOISE_S",

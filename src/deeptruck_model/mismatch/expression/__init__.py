@@ -4,7 +4,14 @@ An Expression is a small tree over named signals. `rows(e)` evaluates it over an
 evaluates several in batches along a simulation; nodes with memory store their state there.
 """
 
-from deeptruck_model.mismatch.expression.memory import Change, Lag, RisingLag, Since, Slosh
+from deeptruck_model.mismatch.expression.memory import (
+    Change,
+    Integral,
+    Lag,
+    RisingLag,
+    Since,
+    Slosh,
+)
 from deeptruck_model.mismatch.expression.nodes import (
     Apply,
     Constant,
@@ -37,6 +44,7 @@ __all__ = [
     "Constant",
     "Expression",
     "InRecording",
+    "Integral",
     "Interpolated",
     "Knot",
     "Lag",

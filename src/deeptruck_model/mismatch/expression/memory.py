@@ -92,6 +92,25 @@ class Since(Expression):
 
 
 @dataclass(frozen=True, eq=False)
+class Integral(Expression):
+    """Integral of the input over time since the start of a recording or simulation."""
+
+    inputs: tuple[Expression, ...]
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        return e.integral(values[0])
+
+    def begin(self, batch: int) -> Any:
+        return np.zeros(batch)
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        out = memory + values[0] * dt
+        return out, out
+
+
+@dataclass(frozen=True, eq=False)
 class Change(Expression):
     """Difference to the previous sample, per second."""
 

@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.mechanisms.terms import (
     candidate_term,
     candidate_terms,
     confined,
+    every_variant,
     merge,
 )
 
@@ -39,6 +40,7 @@ __all__ = [
     "candidate_term",
     "candidate_terms",
     "confined",
+    "every_variant",
     "merge",
     "variant",
 ]

@@ -114,7 +114,9 @@ HEADWIND = Mechanism(
     source="SAE J1263 wind correction",
     manoeuvre="drive the same section both ways at two speeds",
     forms={
-        "one wind": Form(_wind, grid(wind_m_s=(-12.0, -8.0, -4.0, 4.0, 8.0, 12.0))),
+        "one wind": Form(
+            _wind, grid(wind_m_s=(-12.0, -8.0, -4.0, 4.0, 8.0, 12.0)), fitted={"wind_m_s": (2.0, 16.0)}
+        ),
         # linear around calm or around a wind
         "each drive": Form(_more_wind, grid(around_m_s=(0.0, 6.0, -6.0)), (each_wind,)),
         "turning": Form(
@@ -144,7 +146,9 @@ DRAFTING = Mechanism(
     manoeuvre="follow at several gaps at constant speed",
     forms={
         # behind the same vehicle, or another one on every drive
-        "exponential": Form(_behind, _gaps, (always, each_drive()), units={"length_m": "m"}),
+        "exponential": Form(
+            _behind, _gaps, (always, each_drive()), units={"length_m": "m"}, fitted={"length_m": (4.0, 100.0)}
+        ),
         **{
             f"gap, {trend}": Curve(
                 DRAG,
@@ -188,6 +192,12 @@ ROLLING_RESISTANCE_SPEED = Mechanism(
     manoeuvre="coast down from high speed on a calm day, both ways",
     forms={
         # 1 and 4 are Mitschke's polynomial
+        "power": Form(
+            lambda order: force(-((SPEED / 20.0) ** order), 0.03, "at_20_m_s"),
+            grid(order=(1.0, 2.5, 5.0)),
+            units={"order": "1"},
+            fitted={"order": (0.5, 12.0)},
+        ),
         "powers": Form(
             lambda orders: [_power_of_speed(order) for order in orders],
             grid(orders=((1,), (2,), (4,), (1, 4))),
@@ -215,12 +225,14 @@ ROLLING_RESISTANCE_WARMUP = Mechanism(
             grid(tau_s=(60.0, 200.0, 600.0, 1500.0)),
             (always, each_drive(0.05)),
             units={"tau_s": "s"},
+            fitted={"tau_s": (30.0, 3000.0)},
         ),
         "by turning": Form(
             lambda length_m: force(-exp(-(DISTANCE / length_m)), 0.03, "cold_force"),
             grid(length_m=(2000.0, 6000.0)),
             (always, each_drive(0.05)),
             units={"length_m": "m"},
+            fitted={"length_m": (500.0, 20000.0)},
         ),
         "time since start": Curve(lift(-1.0), ELAPSED, "time since start", "falling", share=False),
         "speed over 300 s": Curve(
@@ -245,6 +257,7 @@ WHEEL_SLIP = Mechanism(
                 Column(maximum(BRAKE - brake, 0.0), 0.5, "brake_share"),
             ],
             _grips,
+            fitted={"pull": (0.2, 3.0)},
         ),
         "slippery in places": Form(
             lambda pull: Column(_beyond(pull), 1.0, "traction_share"),

@@ -37,6 +37,17 @@ def _faded(effect: Expression) -> Column:
     return Column(BRAKE * effect, 0.3, "fade", "1/K", 0.01)
 
 
+def _steep(soak_s: float, half: float, steep: float) -> Column:
+    """Fade that sets in about a braking power per mass `half` (W/kg), over `soak_s`."""
+    hot = (over(soak_s, BRAKE * SPEED) / half) ** steep
+    return Column(BRAKE * (hot / (hot + 1.0)), 0.3, "largest_loss")
+
+
+def _short_of_air(refill_s: float, spare: float) -> Column:
+    """Spring brakes that come on where braking over `refill_s` has used more than the `spare` air."""
+    return force(-maximum(Lag((BRAKE,), refill_s, cold=True) - spare, 0.0), 1.0, "per_braking")
+
+
 def _brake_rates(e: Evidence) -> Iterable[Constants]:
     """Rates for several times over the full range, in units of the brake command per s."""
     full = float(np.ptp(e["brake_command"][e.valid]))
@@ -70,13 +81,21 @@ BRAKE_FADE = Mechanism(
     forms={
         "above a temperature": Form(
             lambda cooling_s, at: _faded(maximum(minimum(_heat(cooling_s), 6.0) - at, 0.0)),
-            grid(cooling_s=COOLING_S, at=(0.0, 1.0, 2.5)),
+            grid(cooling_s=COOLING_S, at=(0.1, 1.0, 2.5)),
             units={"cooling_s": "s"},
+            fitted={"cooling_s": (10.0, 3000.0), "at": (0.1, 4.0)},
         ),
         "up to a temperature": Form(
             lambda cooling_s, at: _faded(minimum(_heat(cooling_s), at)),
             grid(cooling_s=COOLING_S, at=(0.7,)),
             units={"cooling_s": "s"},
+            fitted={"cooling_s": (10.0, 3000.0), "at": (0.1, 4.0)},
+        ),
+        "about a power": Form(
+            _steep,
+            grid(soak_s=(20.0, 100.0), half=(2.0, 5.0), steep=(3.0,)),
+            units={"soak_s": "s", "half": "W/kg"},
+            fitted={"soak_s": (2.0, 1000.0), "half": (0.3, 20.0), "steep": (1.0, 6.0)},
         ),
         # linings that fade once, or recover late
         "over time": Form(lambda: Column(BRAKE, 0.5, "loss"), courses=(slowly(0.5),)),
@@ -108,6 +127,7 @@ BRAKE_LAG = Mechanism(
             grid(side=LAGS, tau_s=(0.15, 0.3, 0.6, 1.0)),
             units={"tau_s": "s"},
             words={"side": LAGS},
+            fitted={"tau_s": (0.05, 2.0)},
         ),
         # air that flows in, and out, through a throttle
         "rate": Form(
@@ -131,18 +151,29 @@ DRAGGING_BRAKE = Mechanism(
     forms={
         "constant": Form(lambda: force(lift(-1.0), 0.08), courses=(always, from_moments, slowly(0.1))),
         # for a while after braking harder than `braking` (m/s^2)
-        "after braking": Form(_after_braking, _hard_braking, units={"decay_s": "s"}),
+        "after braking": Form(
+            _after_braking, _hard_braking, units={"decay_s": "s"}, fitted={"decay_s": (2.0, 200.0)}
+        ),
+        "short of air": Form(
+            _short_of_air,
+            grid(refill_s=(20.0, 60.0), spare=(0.02, 0.1)),
+            (always, each_drive()),
+            units={"refill_s": "s"},
+            fitted={"refill_s": (5.0, 200.0), "spare": (0.003, 0.5)},
+        ),
         # a weak spring keeps the last force for a while, and presses harder than the simulator's brakes
         "kept": Form(
             lambda keeps_s: Column(_held(keeps_s), 0.1, "share_of_brake_force"),
             grid(keeps_s=(3.0, 10.0, 30.0, 100.0)),
             units={"keeps_s": "s"},
+            fitted={"keeps_s": (1.0, 200.0)},
         ),
         # or only comes off late
         "late": Form(
             lambda keeps_s: Column(_held(keeps_s) + BRAKE, 0.1, "share_of_brake_force"),
             grid(keeps_s=(3.0, 10.0, 30.0, 100.0)),
             units={"keeps_s": "s"},
+            fitted={"keeps_s": (1.0, 200.0)},
         ),
         # frozen, parked with, or out of adjustment until it has rubbed
         "rubs free": Form(
@@ -150,6 +181,7 @@ DRAGGING_BRAKE = Mechanism(
             grid(frees_m=(200.0, 700.0, 2000.0)),
             (always, each_drive()),
             units={"frees_m": "m"},
+            fitted={"frees_m": (50.0, 5000.0)},
         ),
         "time since braking": Curve(
             (BRAKE < ACTS) * -1.0,

@@ -64,6 +64,7 @@ COMMAND_DELAY = Mechanism(
             _delay,
             lambda e: grid(which=("all", "engine") if e.has("brake_command") else ("all",), tau_s=DELAYS_S),
             words={"which": ("all", "engine")},
+            fitted={"tau_s": (0.05, 1.5)},
         ),
         "each its own": Form(
             lambda engine_s, brake_s: [_delay("engine", engine_s), _delay("brake", brake_s)],

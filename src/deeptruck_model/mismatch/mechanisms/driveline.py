@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 import numpy as np
 
 from deeptruck_model.mismatch.expression import (
     Change,
-    Expression,
     Lag,
     Play,
     Since,
@@ -37,6 +36,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     STOOD,
     geared,
     quantile,
+    ramp,
     ratio_if_known,
     ratio_reference,
 )
@@ -72,13 +72,23 @@ def _shifts(e: Evidence) -> bool:
     return bool(((np.abs(np.diff(gear)) > 0) & e.valid[1:]).sum() >= 3)
 
 
-def _between(since: Expression, first: float, last: float) -> Expression:
-    return (since < last) * (1.0 - (since < first))
+def _let_in(hold_s: float, return_s: float) -> Column:
+    """Pull that is held back after a change of gear, and then let in by a ramp."""
+    return Column(-(PULL * (1.0 - ramp(SHIFTED, hold_s, return_s))), 0.6, "share_of_pull")
 
 
-def _stages(until_s: tuple[float, ...]) -> Iterator[tuple[float, float]]:
-    """The phases of the time after an event, given by their ends."""
-    return itertools.pairwise((0.0, *until_s))
+def _metered(wait_s: float, rate: float) -> Column:
+    """A clutch that slips: after a wait it carries a force per mass that rises by `rate` (m/s^3)."""
+    carried = maximum(SHIFTED - wait_s, 0.0) * rate
+    lost = maximum(absolute(ENGINE) - carried, 0.0)
+    return Column(-(lost * (1.0 - (ENGINE < 0.0) * 2.0)), 0.6, "share_of_force")
+
+
+def _dead(gap_s: float, wind_s: float) -> Column:
+    """No torque while the play is open after it changes sign, then that of shafts that wind up."""
+    since = minimum(TIP_IN, TIP_OUT)
+    wound = exp(-(maximum(since - gap_s, 0.0) / wind_s))
+    return Column(-(ENGINE * wound), 0.6, "share")
 
 
 def _locked(e: Evidence) -> Iterable[Constants]:
@@ -180,17 +190,17 @@ SHIFT_INTERRUPTION = Mechanism(
     source="automated manual transmissions: torque gap of 0.5-1.5 s",
     manoeuvre="accelerate through all gears at full torque",
     forms={
-        "window": Form(
-            lambda window_s: Column(-(MISSING * (window_s > SHIFTED)), 0.6, "share_of_pull"),
-            lambda e: grid(window_s=(0.4, 0.8, 1.4, 2.2)) if _shifts(e) else (),
-            units={"window_s": "s"},
+        "let in": Form(
+            _let_in,
+            lambda e: grid(hold_s=(0.4, 0.8), return_s=(0.3, 1.0)) if _shifts(e) else (),
+            units={"hold_s": "s", "return_s": "s"},
+            fitted={"hold_s": (0.1, 2.0), "return_s": (0.1, 3.0)},
         ),
-        "stages": Form(
-            lambda until_s: [
-                Column(-(MISSING * _between(SHIFTED, a, b)), 0.6, f"share_{a:g}_to_{b:g}_s")
-                for a, b in _stages(until_s)
-            ],
-            lambda e: grid(until_s=[(0.3, 0.6, 1.0, 1.5, 2.2)]) if _shifts(e) else (),
+        "slipping clutch": Form(
+            _metered,
+            lambda e: grid(wait_s=(0.3, 0.8), rate=(0.3, 1.0)) if _shifts(e) else (),
+            units={"wait_s": "s", "rate": "m/s^3"},
+            fitted={"wait_s": (0.05, 2.0), "rate": (0.05, 5.0)},
         ),
         "time since a shift": Curve(
             MISSING * -1.0, minimum(SHIFTED, 4.0), "time since a shift", "falling", needs=("gear",)
@@ -221,6 +231,7 @@ TORQUE_CONVERTER_SLIP = Mechanism(
         "by speed": Form(
             lambda scale_m_s: Column(-(PULL * exp(-(SPEED / scale_m_s))), 0.5, "share", sign=0),
             grid(scale_m_s=(2.0, 4.0, 8.0)),
+            fitted={"scale_m_s": (1.0, 12.0)},
         ),
         "by ratio": Form(_slipping, _locked, needs=("ratio", "gear")),
         "loss": Curve(PULL * -1.0, minimum(SPEED, LOCKED_M_S), "speed", "falling"),
@@ -242,11 +253,13 @@ ROTATING_INERTIA = Mechanism(
     source="Gillespie, Fundamentals of Vehicle Dynamics, eq. 2-9b",
     manoeuvre="accelerate with the same torque in a low and a high gear",
     forms={
-        "inertia": Form(
-            _turning,
-            lambda e: grid(
-                reference=[ratio_reference(e)], share=(0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
-            ),
+        "engine and wheels": Form(
+            lambda reference, share: [
+                _turning(reference, share),
+                Column(-SIMULATED, 0.03, "wheels_share_of_mass"),
+            ],
+            lambda e: grid(reference=[ratio_reference(e)], share=(0.004, 0.016)),
+            fitted={"share": (0.0005, 0.2)},
         ),
         "ratio": Curve(SIMULATED * -1.0, OVERALL_RATIO, "ratio", "rising", needs=("ratio",)),
     },
@@ -271,25 +284,15 @@ DRIVELINE_BACKLASH = Mechanism(
             ],
             lambda e: grid(window_s=(0.3, 0.7, 1.2), size=_strong_pull(e)),
             units={"window_s": "s"},
+            fitted={"window_s": (0.1, 2.0)},
         ),
-        "share": Form(
-            lambda window_s: [
-                Column(-((window_s > TIP_IN) * ENGINE), 0.6, "tip_in_share"),
-                Column(-((window_s > TIP_OUT) * ENGINE), 0.6, "tip_out_share"),
-            ],
-            grid(window_s=(0.3, 0.7, 1.2)),
-            units={"window_s": "s"},
+        "dead zone": Form(
+            _dead,
+            grid(gap_s=(0.2, 0.5), wind_s=(0.1, 0.4)),
+            units={"gap_s": "s", "wind_s": "s"},
+            fitted={"gap_s": (0.05, 2.0), "wind_s": (0.03, 1.0)},
         ),
-        # several plays, one after the other
-        "stages": Form(
-            lambda until_s: [
-                Column(-(ENGINE * _between(t, a, b)), 0.6, f"{side}_share_{a:g}_to_{b:g}_s")
-                for side, t in (("tip_in", TIP_IN), ("tip_out", TIP_OUT))
-                for a, b in _stages(until_s)
-            ],
-            grid(until_s=[(0.3, 0.7, 1.2, 2.0)]),
-        ),
-        "play": Form(_play, _plays),
+        "play": Form(_play, _plays, fitted={"reach": (0.02, 2.0)}),
     },
     prior=0.7,
     mistaken_for="gear",

@@ -28,6 +28,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 TAUS_S = (0.4, 0.8, 1.6, 3.0)
+BOOST = {"tau_s": (0.2, 8.0), "aspirated": (0.03, 2.0)}
 LIMITS = (0.35, 0.5, 0.65, 0.75, 0.85, 0.93)  # of the largest: full throttle is held for long
 POWER, TORQUE = PULL * SPEED, PULL / maximum(OVERALL_RATIO, 0.05)
 
@@ -44,11 +45,6 @@ def _late(boost: Expression, boosted: Expression, reference: float) -> Column:
 def _first_order(tau_s: float, reference: float, aspirated: float = 0.0) -> Column:
     boosted = _boosted(reference, aspirated)
     return _late(RisingLag((boosted,), tau_s), boosted, reference)
-
-
-def _second_order(tau_s: float, reference: float) -> Column:
-    boosted = _boosted(reference, 0.0)
-    return _late(RisingLag((RisingLag((boosted,), tau_s / 2),), tau_s / 2), boosted, reference)
 
 
 def _kept(tau_s: float, reference: float, aspirated: float) -> Column:
@@ -74,6 +70,32 @@ def _full_power(e: Evidence) -> list[float]:
     pull = np.maximum(e["engine"], 0.0)
     full = quantile(e, pull * e["speed"], pull > 0.02, 0.95)
     return [full] if np.isfinite(full) else []
+
+
+def _beyond_onset(soak_s: float, gas_s: float, onset: float, full: float) -> Column:
+    """Less torque in proportion to the heat of two bodies beyond an onset, a share of that at full power."""
+    heat = Lag((Lag((POWER / full,), soak_s, cold=True),), gas_s, cold=True)
+    return Column(-(PULL * minimum(maximum(heat - onset, 0.0) / onset, 1.0)), 0.3, "loss_at_twice_the_onset")
+
+
+def _exhaust_driven(shaft_s: float, aspirated: float, full: float, reference: float) -> Column:
+    """Torque beyond what the air allows, as a force at the ratio `reference` (rad/m): the energy of the
+    turbocharger's shaft follows the exhaust's power, torque times engine speed."""
+    torque = PULL / maximum(geared(reference), 0.05)
+    power = minimum(torque / full, 1.0) * minimum(maximum(ENGINE_SPEED / OMEGA, 0.3), 1.6)
+    allowed = aspirated + (full - aspirated) * minimum(Lag((power,), shaft_s, cold=True), 1.0)
+    return Column(minimum(allowed - torque, 0.0) * geared(reference), 0.7, "share_of_what_is_beyond")
+
+
+def _full_torque(e: Evidence) -> Iterable[Constants]:
+    reference = ratio_if_known(e)
+    full = quantile(e, torque_of(e, reference), np.maximum(e["engine"], 0.0) > 0.02, 0.98)
+    top = [full] if np.isfinite(full) and reference else []
+    return (
+        c
+        for f in top
+        for c in grid(shaft_s=(1.0, 3.0), aspirated=(0.2 * f, 0.4 * f), full=[f], reference=[reference])
+    )
 
 
 def _soaked(soak_s: float, full: float) -> Column:
@@ -133,22 +155,25 @@ TURBO_LAG = Mechanism(
             _first_order,
             lambda e: grid(tau_s=TAUS_S, reference=[ratio_if_known(e)]),
             units={"tau_s": "s"},
+            fitted={"tau_s": (0.2, 8.0)},
         ),
-        # a boost that feeds itself begins slowly
-        "second order": Form(
-            _second_order,
-            lambda e: grid(tau_s=TAUS_S, reference=[ratio_if_known(e)]),
-            units={"tau_s": "s"},
+        "exhaust energy": Form(
+            _exhaust_driven,
+            _full_torque,
+            needs=("engine_speed",),
+            units={"shaft_s": "s"},
+            fitted={"shaft_s": (0.3, 10.0), "aspirated": (0.03, 2.0)},
         ),
-        "above aspirated": Form(_first_order, _aspirated, units={"tau_s": "s"}),
+        "above aspirated": Form(_first_order, _aspirated, units={"tau_s": "s"}, fitted=BOOST),
         # through a shift: what was built up falls no faster than it rises
-        "kept through a shift": Form(_kept, _aspirated, units={"tau_s": "s"}),
+        "kept through a shift": Form(_kept, _aspirated, units={"tau_s": "s"}, fitted=BOOST),
         # little exhaust spins the turbine up slowly
         "slow at low speed": Form(
             _slow_when_slow,
             lambda e: grid(tau_s=TAUS_S, reference=[ratio_if_known(e)]) if "ratio" in e.signals else (),
             needs=("engine_speed",),
             units={"tau_s": "s"},
+            fitted={"tau_s": (0.2, 8.0)},
         ),
         "engine speed": Curve(
             RisingLag((PULL,), 1.0) - PULL,
@@ -176,6 +201,13 @@ TORQUE_DERATE = Mechanism(
             _soaked,
             lambda e: grid(soak_s=(60.0, 200.0, 600.0), full=_full_power(e)),
             units={"soak_s": "s"},
+            fitted={"soak_s": (5.0, 2000.0)},
+        ),
+        "beyond an onset": Form(
+            _beyond_onset,
+            lambda e: grid(soak_s=(20.0, 100.0), gas_s=(10.0,), onset=(0.3, 0.6), full=_full_power(e)),
+            units={"soak_s": "s"},
+            fitted={"soak_s": (3.0, 600.0), "gas_s": (1.0, 100.0), "onset": (0.05, 1.0)},
         ),
         "elevation": Form(
             lambda: Column(-(PULL * maximum(Signal("elevation"), 0.0) / 1000.0), 0.15, "loss", "1/km"),
@@ -229,16 +261,19 @@ TORQUE_LIMIT = Mechanism(
         "torque": Form(
             lambda limit_torque: _beyond(maximum(PULL - OVERALL_RATIO * limit_torque, 0.0)),
             _torques,
+            fitted={"limit_torque": (0.002, 1.0)},
             units={"limit_torque": "N m"},
         ),
         "force": Form(
             lambda limit_force: _beyond(maximum(PULL - limit_force, 0.0)),
             _forces,
+            fitted={"limit_force": (0.05, 3.0)},
             units={"limit_force": "N"},
         ),
         "power": Form(
             lambda limit_power: _beyond(maximum(PULL - limit_power / maximum(SPEED, CRAWL_SPEED), 0.0)),
             lambda e: grid(limit_power=_shares(e, np.maximum(e["engine"], 0.0) * e["speed"])),
+            fitted={"limit_power": (0.5, 40.0)},
             units={"limit_power": "W"},
         ),
         "command": Form(
@@ -251,6 +286,7 @@ TORQUE_LIMIT = Mechanism(
         "speed": Form(
             lambda limit_speed: _beyond(PULL * minimum(maximum(SPEED - limit_speed, 0.0), 1.0)),
             _speeds,
+            fitted={"limit_speed": (5.0, 35.0)},
             units={"limit_speed": "m/s"},
         ),
         **{

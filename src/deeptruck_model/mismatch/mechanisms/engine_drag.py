@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_model.mismatch.expression import Expression, Since, exp, lift, minimum
+from deeptruck_model.mismatch.expression import (
+    Expression,
+    Integral,
+    Since,
+    exp,
+    lift,
+    maximum,
+    minimum,
+)
 from deeptruck_model.mismatch.mechanisms.courses import always, each_drive, slowly
 from deeptruck_model.mismatch.mechanisms.record import (
     Column,
@@ -31,6 +39,8 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     SPEED,
     STOOD,
     over,
+    quantile,
+    ramp,
     ratio_reference,
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -38,7 +48,6 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 LITTLE, RELEASED = 0.03, 0.005  # of the largest command
 LINGERS = 0.02  # of the time
 LATE_S = (0.0, 0.7)  # valves and vanes take a moment
-COLD_S = (60.0, 200.0, 600.0, 1500.0)
 POWER = PULL * SPEED
 TURNING = ENGINE_SPEED / OMEGA
 PUMP = OVERALL_RATIO * -1.0  # a pump takes a torque, a fan one with speed squared
@@ -92,6 +101,49 @@ def _by_engine_speed(small: float, after_s: float, reference: float, order: int)
     return [first, force(-(drive * ENGINE_SPEED / OMEGA), 0.1, "force_square")] if order == 2 else [first]
 
 
+def _retarder(
+    small: float, delay_s: float, rise_s: float, exponent: float, from_m_s: float, reference: float
+) -> Column:
+    """A retarder above a speed, whose torque rises after a delay and grows with a power of engine speed."""
+    coast = _coasting(small) * (from_m_s < SPEED)
+    rise = ramp(Since((1.0 - coast,)), delay_s, rise_s)
+    return force(-(coast * rise * (OVERALL_RATIO / reference) * TURNING**exponent), 0.3)
+
+
+def _flap(fill_s: float, from_rad_s: float, reference: float) -> Column:
+    """A throttle in the exhaust that the first touch of the brake shuts, and the back pressure behind it."""
+    shut = COASTING * BRAKED * (from_rad_s < ENGINE_SPEED)
+    pressure = 1.0 - exp(-(Since((1.0 - shut,)) / fill_s))
+    return force(-(shut * pressure * (OVERALL_RATIO / reference)), 0.3)
+
+
+def _motored(reference: float) -> list[Column]:
+    """Chen and Flynn: rubbing at the boundary, constant, viscous and pumping friction, and gas loading."""
+    drag = OVERALL_RATIO / reference
+    slow = minimum(OMEGA / maximum(ENGINE_SPEED, 50.0), 2.0)
+    each = {
+        "boundary": drag * slow,
+        "constant": drag,
+        "viscous": drag * TURNING,
+        "pumping": drag * TURNING**2,
+    }
+    return [*(force(-x, 0.03, name) for name, x in each.items()), Column(-PULL, 0.02, "gas_loading")]
+
+
+def _cold(reference: float, warm_s: float, idle: float, full: float) -> list[Column]:
+    """Friction that falls as the engine warms up: in time, by `idle` of its full power, and by its power."""
+    cold = exp(-(Integral((idle + POWER / full,)) / warm_s))
+    drag = OVERALL_RATIO / reference * cold
+    return [force(-drag, 0.05, "cold"), force(-(drag * TURNING), 0.05, "cold_per_speed")]
+
+
+def _full_power(e: Evidence) -> list[float]:
+    """Full power of the engine per mass, m^2/s^3; empty if it hardly ever drives."""
+    pull = np.maximum(e["engine"], 0.0)
+    full = quantile(e, pull * e["speed"], pull > 0.02, 0.95)
+    return [full] if np.isfinite(full) else []
+
+
 def _friction(reference: float, order: int) -> Column:
     """A torque that increases with engine speed to the power `order`, as a force at the ratio `reference`
     (rad/m)."""
@@ -137,6 +189,32 @@ ENGINE_BRAKE = Mechanism(
             lambda e: grid(small=released(e), after_s=LATE_S),
             units={"after_s": "s"},
         ),
+        "retarder": Form(
+            _retarder,
+            lambda e: grid(
+                small=released(e)[:1],
+                delay_s=(0.3,),
+                rise_s=(0.5, 1.5),
+                exponent=(1.0, 2.0),
+                from_m_s=(2.0, 8.0),
+                reference=[ratio_reference(e)],
+            ),
+            needs=GEARED,
+            units={"delay_s": "s"},
+            fitted={
+                "delay_s": (0.05, 2.0),
+                "rise_s": (0.1, 5.0),
+                "exponent": (0.3, 3.0),
+                "from_m_s": (1.0, 15.0),
+            },
+        ),
+        "exhaust flap": Form(
+            _flap,
+            lambda e: grid(fill_s=(0.5, 1.5), from_rad_s=(60.0, 100.0), reference=[ratio_reference(e)]),
+            needs=GEARED,
+            units={"fill_s": "s"},
+            fitted={"fill_s": (0.1, 5.0), "from_rad_s": (40.0, 130.0)},
+        ),
         # by hand, or by a command the simulator does not get
         "staged": Form(
             lambda small: force(-_coasting(small), 0.3),
@@ -172,14 +250,18 @@ ENGINE_FRICTION = Mechanism(
     source="Chen-Flynn friction model; Heywood, ch. 13",
     manoeuvre="coast in two gears from the same speed, cold and warm",
     forms={
-        "warm": Form(_friction, lambda e: grid(reference=[ratio_reference(e)], order=(0, 1))),
+        "motored": Form(_motored, lambda e: grid(reference=[ratio_reference(e)])),
         # every drive starts as cold as it happens to be
-        "while cold": Form(
-            lambda reference, cold_s: force(-(OVERALL_RATIO / reference * exp(-(ELAPSED / cold_s))), 0.03),
-            lambda e: grid(reference=[ratio_reference(e)], cold_s=COLD_S),
-            (always, each_drive(0.05)),
-            units={"cold_s": "s"},
+        "warming up": Form(
+            _cold,
+            lambda e: grid(
+                reference=[ratio_reference(e)], warm_s=(100.0, 400.0), idle=(0.1, 0.5), full=_full_power(e)
+            ),
+            (always, each_drive()),
+            units={"warm_s": "s"},
+            fitted={"warm_s": (10.0, 2000.0), "idle": (0.02, 2.0)},
         ),
+        "warm": Form(_friction, lambda e: grid(reference=[ratio_reference(e)], order=(0, 1))),
         "engine speed": Curve(
             OVERALL_RATIO * -1.0,
             ENGINE_SPEED,

@@ -49,6 +49,7 @@ LOAD_SLOSH = Mechanism(
             ),
             grid(frequency_hz=(0.15, 0.2, 0.3, 0.4, 0.55, 0.75), damping=(0.04, 0.12, 0.3)),
             units={"frequency_hz": "Hz", "damping": "1"},
+            fitted={"frequency_hz": (0.1, 1.2), "damping": (0.02, 0.6)},
         ),
         # a bore that runs to and fro: several frequencies side by side
         "modes": Form(

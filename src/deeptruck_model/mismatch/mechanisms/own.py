@@ -152,3 +152,7 @@ def _problems(m: Mechanism) -> Iterator[str]:
                     form.made(constants)
             except Exception as error:  # of the user's code
                 yield f"has a form '{name}' that cannot be made ({error!r})"
+        if isinstance(form, Form):
+            for constant, (low, high) in form.fitted.items():
+                if not 0.0 < low < high:
+                    yield f"has limits of '{constant}' in '{name}' that are not 0 < low < high: {low}, {high}"

@@ -53,10 +53,12 @@ def force(expression: Expression, sd: float, name: str = "force", sign: int = 1)
 class Form:
     """A formula: `columns` (m/s^2 per unit coefficient) as a function of its constants.
 
-    `constants` are the values to try, which may depend on the recordings; `units` are those of the constants
-    that a finding reports, `words` the permitted values of constants that are not numbers. `needs` are
-    signals in addition to those of the mechanism. With knots, a constant coefficient is added if `steady`,
-    and one for each drive, on the column `level`, if that is given.
+    `constants` are the values to try, which may depend on the recordings. Those that are `fitted` start
+    there, within physical limits (low, high), which are two standard deviations of a log-normal prior to
+    either side of its median. `units` are those of the constants that a finding reports, `words` the
+    permitted values of constants that are not numbers. `needs` are signals in addition to those of the
+    mechanism. With knots, a constant coefficient is added if `steady`, and one for each drive, on the column
+    `level`, if that is given.
     """
 
     columns: Callable[..., Column | list[Column]]
@@ -67,6 +69,7 @@ class Form:
     words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     steady: bool = True
     level: Callable[..., Column] | None = None
+    fitted: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def made(self, constants: Constants) -> list[Column]:
         """Its columns with a constant coefficient."""

@@ -45,6 +45,11 @@ def over(seconds: float, power: Expression) -> Expression:
     return Lag((power,), seconds, cold=True)
 
 
+def ramp(x: Expression, start: Expression | float, length: float) -> Expression:
+    """Zero up to `start`, one from `length` later on, linear between."""
+    return minimum(maximum((x - start) / length, 0.0), 1.0)
+
+
 def geared(reference: float) -> Expression:
     """The overall ratio over `reference` (rad/m); one if that is zero, for unknown gears."""
     return OVERALL_RATIO / reference if reference else lift(1.0)

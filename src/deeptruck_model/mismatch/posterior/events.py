@@ -21,8 +21,9 @@ from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from deeptruck_model._io.json_data import HIDDEN, stored
+from deeptruck_model.mismatch.posterior.fitted import narrowed
 from deeptruck_model.mismatch.posterior.kernels import LAWS, UNKNOWN, VARYING, Kernel, kernels, without
-from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
+from deeptruck_model.mismatch.posterior.posterior import Posterior, first_look, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES
 from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
@@ -69,9 +70,12 @@ class Event:
 def without_events(search: Regression, seed: int) -> tuple[Posterior, tuple[Event, ...]]:
     """The posterior of what acts always, and the events.
 
-    A first posterior finds the events and estimates the noise; then the rows of events are left out.
+    A first look estimates the noise and says which laws' constants are fitted; a posterior finds the events;
+    then the rows of events are left out.
     """
-    first = posterior(search, seed=seed)
+    look = first_look(search, seed=seed)
+    search = narrowed(look)
+    first = posterior(search, seed=seed, noise=look.noise)
     happened = events(first, seed)
     if not happened:
         return first, ()

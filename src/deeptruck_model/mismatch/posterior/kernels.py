@@ -7,7 +7,8 @@ truncated basis).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -25,7 +26,7 @@ from deeptruck_model.mismatch.rules import Limits
 Array = NDArray[np.float64]
 
 UNKNOWN = "unknown"
-LAW, IN_TIME, IN_CONDITION, UNNAMED = 24, 60, 16, 40  # leading directions that are kept of a kernel
+LAW, NARROWED, IN_TIME, IN_CONDITION, UNNAMED = 16, 24, 48, 16, 40  # leading directions kept of a kernel
 LAWS, VARYING, CONDITIONAL = "law", "in time", "in one condition"  # parts of a name's forces
 FORCES = ("brakes", "engine_driveline", "air_tyres_road")  # families whose sizes may depend on conditions
 LEADING = 5  # directions of a law whose sizes may depend on conditions
@@ -68,6 +69,28 @@ def without(search: Regression, rows: NDArray[np.bool_]) -> Regression:
     """The same regression with the same kernels, but without some rows (n,)."""
     other = search.without(rows)
     _made[other] = kernels(search)
+    return other
+
+
+def narrow(
+    search: Regression,
+    features: Mapping[str, Array],
+    terms: Mapping[str, tuple[CandidateTerm, ...]],
+    coarse: float,
+) -> Regression:
+    """The same regression, whose kernels of the laws of some names are `features` (n, k) and the kernel as it
+    was at the prior `coarse`; the fitted `terms` are candidate terms of their mechanisms."""
+    other, gates = copy(search), _gates(search)
+    other.fitted, other._candidate_terms = dict(terms), {}
+    made: list[Kernel] = []
+    for k in kernels(search):
+        if k.name in features and k.part == LAWS:
+            both = np.concatenate([features[k.name], k.features * coarse], axis=1)
+            k = replace(k, features=_thin(both, search, NARROWED))
+        elif k.name in features and k.part == CONDITIONAL:
+            k = _in_condition(search, next(x for x in made if x.name == k.name), gates)
+        made.append(k)
+    _made[other] = tuple(made)
     return other
 
 

@@ -23,7 +23,7 @@ from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.posterior.sampler import SIZES, SWEEPS, Blocks, Draws, Reduced, sample
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, fit, ridge, whiten
+from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, Series, fit, ridge, whiten
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN
 from deeptruck_model.signals import FELT, FELT_SD
@@ -130,6 +130,16 @@ class Posterior:
                     out += k.features @ b.mean(axis=0)
         return out
 
+    def left_over(self) -> Series:
+        """The residual less the mean of all forces, of the rows that count."""
+        b = self.draws.coefficients.mean(axis=0)
+        own = self.mean + self.always @ b[: self.always.shape[1]]
+        for k, a in zip(self.of, self.at, strict=True):
+            if np.abs(b[a]).max(initial=0.0) > 0:
+                own = own + k.features @ b[a]
+        series = self.search.series
+        return replace(series, y=np.where(series.valid, series.y - own, 0.0))
+
     def beside(self, more: Sequence[Kernel]) -> Reduced:
         """The blocks of this posterior with `more` of them behind, without draws."""
         y = self.search.series.y - self.mean
@@ -159,34 +169,34 @@ def posterior(
     noise: Fit | None = None,
 ) -> Posterior:
     """Draws from the posterior of all blocks of a search, and of those that are `extra`; beside `noise` that
-    is known, else that is fitted beside what short runs have in."""
+    is known, else that of `first_look`."""
+    if noise is None:
+        noise = first_look(search, extra, seed=seed).noise
+    return _drawn(search, extra, seed, sweeps, noise)
+
+
+def first_look(search: Regression, extra: Sequence[Kernel] = (), *, seed: int = 0) -> Posterior:
+    """A few draws from the posterior, and the noise that is fitted beside their mean forces."""
+    noise = search.background(()).fit
+    few, rounds = KNOWN if search.e.known_physics else LEARNED
+    for _ in range(rounds):
+        p, before = _drawn(search, extra, seed, few, noise), noise.sigma
+        noise = fit(p.left_over(), np.zeros((len(search.e), 0)), NO_COLUMNS, noise)
+        if abs(noise.sigma - before) < STEADY * before:
+            break
+    return replace(p, noise=noise)
+
+
+def _drawn(search: Regression, extra: Sequence[Kernel], seed: int, sweeps: int, noise: Fit) -> Posterior:
     X, prior, _ = search.design(search.model((), frozenset()))
     of = (*kernels(search), *extra, *_drift(search))
     error = _form_error(search)
     always = np.concatenate([X * prior.sd, error], axis=1)
     mean = X @ prior.mean
-    y = search.series.y - mean
-    first, at = np.arange(always.shape[1]), _places_of(always, of)
-
-    def drawn(noise: Fit, sweeps: int) -> Draws:
-        blocks = _blocks(search, of, always, y, noise)
-        return sample(blocks, first, search.rules.evidence_temperature, seed, sweeps=sweeps)
-
-    if noise is None:
-        noise = search.background(()).fit
-        few, rounds = KNOWN if search.e.known_physics else LEARNED
-        for _ in range(rounds):
-            before = noise.sigma
-            b = drawn(noise, few).coefficients.mean(axis=0)
-            own = always @ b[first] + sum(
-                (k.features @ b[a] for k, a in zip(of, at, strict=True) if np.abs(b[a]).max(initial=0.0) > 0),
-                start=np.zeros(len(y)),
-            )
-            left = np.where(search.series.valid, y - own, 0.0)
-            noise = fit(replace(search.series, y=left), np.zeros((len(left), 0)), NO_COLUMNS, noise)
-            if abs(noise.sigma - before) < STEADY * before:
-                break
-    draws = drawn(noise, sweeps)
+    blocks = _blocks(search, of, always, search.series.y - mean, noise)
+    unit, first = search.rules.evidence_temperature, np.arange(always.shape[1])
+    draws = sample(blocks, first, unit, seed, sweeps=sweeps)
+    at = tuple(blocks.at)
     return Posterior(search, of, at, draws, always, error.shape[1], mean, noise, prior, draws.alone)
 
 
@@ -235,11 +245,16 @@ def gains(search: Regression) -> dict[str, float]:
     return {name: p.gain(name) for name in dict.fromkeys(k.name for k in p.of) if name not in NO_NAME}
 
 
+def weights(search: Regression, noise: Fit) -> Array:
+    """Weights (m,) of the rows that count, by which whitened columns are multiplied."""
+    rows = search.rows
+    heavy: Array = np.sqrt((TAIL + 1) / (TAIL + noise.innovations[rows] ** 2))
+    return heavy / (search.series.relative[rows] * noise.sigma)
+
+
 def _products(search: Regression, columns: Sequence[Array], y: Array, noise: Fit) -> tuple[Array, Array]:
     """Inner products of whitened columns, and of these with y; rows are whitened in chunks to save memory."""
-    rows = search.rows
-    weight = np.sqrt((TAIL + 1) / (TAIL + noise.innovations[rows] ** 2))
-    weight = weight / (search.series.relative[rows] * noise.sigma)
+    rows, weight = search.rows, weights(search, noise)
     k = sum(c.shape[1] for c in columns)
     gram, pull = np.zeros((k, k)), np.zeros(k)
     for begin in range(0, len(rows), CHUNK):

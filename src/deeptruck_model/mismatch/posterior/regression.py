@@ -118,6 +118,7 @@ class Regression:
         gain = evidence.signals.get("effective_mass_gain", np.ones(len(evidence)))[evidence.valid]
         self.mass_gain = float(np.median(gain)) if len(gain) else 1.0
         self.own = Regression(evidence.itself) if evidence.itself is not None else None
+        self.fitted: dict[str, tuple[CandidateTerm, ...]] = {}  # at constants that fit these data
         self._candidate_terms: dict[str, list[CandidateTerm]] = {}
         self._models: dict[tuple[object, ...], Model] = {}
 
@@ -133,7 +134,8 @@ class Regression:
     def candidate_terms(self, mechanism: Mechanism) -> list[CandidateTerm]:
         """All candidate terms of a mechanism on this evidence, computed once."""
         if mechanism.effect not in self._candidate_terms:
-            self._candidate_terms[mechanism.effect] = candidate_terms(mechanism, self.e)
+            fitted = self.fitted.get(mechanism.effect, ())
+            self._candidate_terms[mechanism.effect] = [*candidate_terms(mechanism, self.e), *fitted]
         return self._candidate_terms[mechanism.effect]
 
     def model(

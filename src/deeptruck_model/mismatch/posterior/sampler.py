@@ -140,7 +140,7 @@ class Reduced:
                 both = self.gram[np.ix_(given.inside, own)] * given.scale[:, None]
                 across = solve_triangular(given.root, both, lower=True)
                 inner = self.gram[np.ix_(own, own)] - across.T @ across
-                given.gains[j] = _gains(inner, self.pull[own] - across.T @ given.onto, self.signed[j])
+                given.gains[j] = gains_of(inner, self.pull[own] - across.T @ given.onto, self.signed[j])
         out: Array = given.gains[j]
         return out
 
@@ -177,7 +177,7 @@ class Reduced:
         return out
 
 
-def _gains(inner: Array, pull: Array, signed: Array | None) -> Array:
+def gains_of(inner: Array, pull: Array, signed: Array | None = None) -> Array:
     """Log evidence (sizes,) of a block with these inner products beside what is in."""
     out = np.empty(len(SIZES))
     sides = np.asfortranarray(pull[:, None] if signed is None else np.stack([pull, signed], axis=1))

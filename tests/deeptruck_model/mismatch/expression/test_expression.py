@@ -88,6 +88,7 @@ NODES = {
     "rising lag": ex.RisingLag((SPEED,), 2.0),
     "since": ex.Since((BRAKE > 0.5,)),
     "change": ex.Change((SPEED,)),
+    "integral": ex.Integral((SPEED,)),
     "slosh": ex.Slosh((ex.Signal("simulated"),), 0.4, 0.1),
     "play": ex.Play((ex.Signal("simulated"),), 0.7),
     "soft play": ex.Play((BRAKE - 0.4,), 0.5, 0.3),
