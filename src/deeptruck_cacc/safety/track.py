@@ -1,4 +1,8 @@
-"""Tracks the vehicle ahead: which radar readings are accepted, and what is used without one."""
+"""Tracks what may be in the lane ahead: a short list of objects, made from readings of one object at a time.
+
+The radar reports range and speed of what it takes for the vehicle ahead. What that is changes: a vehicle cuts
+in, the leader leaves the lane and uncovers a standing one, a bridge is taken for a vehicle for two readings.
+"""
 
 from __future__ import annotations
 
@@ -12,18 +16,35 @@ from deeptruck_cacc.controllers.policy import Observation
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+SLOTS = 3  # the vehicle that is followed, one that hides it or is behind it, and one more reading
 
 
-class Track(NamedTuple):
-    """State of a vehicle ahead, each (batch,)."""
+class Objects(NamedTuple):
+    """Objects ahead, each (SLOTS, batch); the first one is followed. A gap of NaN is no object."""
 
-    gap: Array  # m, carried on by the speeds and corrected by the range
-    speed: Array  # m/s
-    credit_s: Array  # s, for how long readings have agreed with it
+    gap: Array  # m to its near edge, carried on by the speeds and corrected by the range
+    speed: Array  # m/s, as last measured
+    seen_s: Array  # s for which readings agreed with it, less those in which something else was measured
+    unseen_s: Array  # s since its last reading
+    range: Array  # m, its last reading carried on by the speeds
+    opened: Array  # m by which its range has grown beyond the speeds; never negative
+    rate: Array  # m/s by which its range grows beyond the speeds, over `rate_s`
+    beyond_s: Array  # s for which its range has been beyond its near edge
 
-    def where(self, flags: Flags, other: Track) -> Track:
-        """This track where `flags`, else the other."""
-        return Track(*(np.where(flags, mine, its) for mine, its in zip(self, other, strict=True)))
+    @classmethod
+    def none(cls, batch: int) -> Objects:
+        """No object."""
+        unknown, zero = np.full((SLOTS, batch), np.nan), np.zeros((SLOTS, batch))
+        return cls(unknown, unknown, zero, zero, unknown, zero, zero, zero)
+
+    def where(self, flags: Flags, other: Objects) -> Objects:
+        """These where `flags` (SLOTS, batch), else the others."""
+        return Objects(*(np.where(flags, mine, its) for mine, its in zip(self, other, strict=True)))
+
+    def take(self, slots: Indices) -> Objects:
+        """In another order: those of `slots` (SLOTS, batch)."""
+        return Objects(*(np.take_along_axis(column, slots, axis=0) for column in self))
 
 
 class Past(NamedTuple):
@@ -45,117 +66,235 @@ class Past(NamedTuple):
 
 @dataclass
 class Tracker:
-    """Accepts readings that fit the track. Without a reading the leader is assumed to keep its speed.
+    """Keeps the list of objects. Without a reading an object is assumed to keep its speed.
 
-    Range and speeds must agree: if the range deviates by more than `drift_m` from the integrated relative
-    speed, the range or a speed is frozen or has the wrong sign. Such readings are not accepted; if the range
-    decreases faster than the speeds say, the vehicle is assumed to be as near as the range says and as slow
-    as its rate implies. A range that grows faster than the speeds and `bias` say, by `opened_m` in all, is
-    not accepted either, however slowly it drifts.
+    A reading belongs to the object that it fits best, else it is a new one, which is confirmed by the next
+    reading that continues it and vanishes if that does not come. Whatever is confirmed is for the shield to
+    bound. The first of the list is what the policy follows: an object that is nearer takes its place after
+    `nearer_s`, one that is farther after `farther_s` (the leader has left, which a change of lane of ours or
+    a miss of the radar looks like before).
 
-    Nor are readings of a noisy radar whose range or speed repeats itself exactly while the truck moves: it is
-    frozen.
+    Range and speeds must agree. Their difference is summed over the time in which an object is followed,
+    misses included. What is proportional to the truck's own speed is a wrong wheel radius, learned as
+    `own_speed_factor` in the first `learn_s` and slowly from then on; what else accumulates to `opened_m` is a
+    range that drifts or stands still, or a speed that is wrong, and the reading is not accepted. A range that
+    decreases faster than the speeds say is accepted, and the object is taken to be as slow as that.
 
-    A reading elsewhere starts a second track. It replaces the first one after readings have agreed with it
-    for `nearer_s` if it is nearer (a cut-in, not a single false reading), for `farther_s` if not (a cut-out,
-    not a lane change). The replaced track is accepted again at once for twice `farther_s`.
+    A range that jumps by less than `jump_m` is another point of reflection of the same vehicle: the nearest
+    one of the last `edge_s` counts. Readings of a noisy radar whose range or speed repeats itself exactly
+    while the truck moves are frozen and not accepted.
 
-    After each call `radar` holds gap and leader speed as measured, NaN if not accepted; `unseen_s` the time
-    since the last accepted reading, inf before the first; and `contradicted_s` the time for which readings
-    have come whose range and speeds contradict each other or that are `frozen`; each (batch,).
+    After each call `objects` is the list; `readings` gap and speed of what was measured and accepted, NaN for
+    the others; `counts` which of them the shield must bound; `came_from` the place of each in the list
+    before, -1 for a new one; each (SLOTS, batch). `unseen_s` is the time since the first of the list was
+    measured, inf before; `contradicted_s` that for which range and speeds contradict each other or the radar
+    is `frozen`; each (batch,).
     """
 
     dt: float
     nearer_s: float = 0.2
     farther_s: float = 2.5
-    jump_m: float = 5.0  # farther from a track than this a reading is of another vehicle
+    jump_m: float = 5.0  # farther from an object than this a reading is of another one
     jump_speed: float = 2.0  # m/s, likewise: 20 m/s^2 from one reading to the next
-    same_m: float = 1.5  # likewise, of the second track, which must tell one story from its begin
-    manoeuvre: float = 2.0  # m/s^2, by which a leader that is not seen may leave its track
-    drift_m: float = 2.0
-    drift_s: float = 2.0  # time constant with which the range corrects the track
-    bias: float = 0.2  # m/s, which the errors of both speeds may add up to: twice `Promise.speed_error`
-    opened_m: float = 1.0  # of noisier radars than 0.1 m (1 sd) 0.5 m and three times their mean difference
+    manoeuvre: float = 2.0  # m/s^2, by which an object that is not measured may leave its motion
+    same_m: float = 0.8  # by how much the second reading of a new object may miss the first one's motion
+    apart_m: float = 2.0  # less than so far from what is followed another object is the same one
+    correct_s: float = 2.0  # time constant with which the range corrects a gap
+    edge_s: float = 3.0  # for which the nearest point of reflection counts
+    learn_s: float = 8.0  # over which a wrong wheel radius is learned at first,
+    relearn_s: float = 300.0  # and later on
+    most_factor: float = 0.04  # more than worn tyres explain
+    learn_speed: float = 5.0  # m/s, above which it is learned
+    opened_m: float = 2.0
+    leak: float = 0.03  # m/s, slower than which a drift is not noticed; more for a radar with noise
+    rate_s: float = 1.0
     noise_m: float = 0.01  # mean second difference from which a range is noisy; that of 0.1 m (1 sd) is 0.2
     noise_speed: float = 0.005  # m/s, likewise of the leader's speed
     noise_s: float = 10.0  # over which it is taken
     fresh_s: float = 4.0  # in which a noisy signal repeated no value,
     frozen_s: float = 0.8  # so that one that repeats itself for so long is frozen
     moving: float = 1.0  # m/s, of the truck: standing behind a standing vehicle readings may repeat
-    forget_s: float = 4.0  # after so long without a believed reading the next one begins a new track
-    radar: tuple[Array, Array] = field(default_factory=lambda: (np.zeros(0), np.zeros(0)))
+    forget_s: float = 4.0  # after so long without a reading what is followed is forgotten
+    objects: Objects = field(default_factory=lambda: Objects.none(0))
+    readings: tuple[Array, Array] = field(default_factory=lambda: (np.zeros((SLOTS, 0)),) * 2)
+    counts: Flags = field(default_factory=lambda: np.zeros((SLOTS, 0), bool))
+    came_from: Indices = field(default_factory=lambda: np.zeros((SLOTS, 0), np.intp))
     unseen_s: Array = field(default_factory=lambda: np.zeros(0))
     contradicted_s: Array = field(default_factory=lambda: np.zeros(0))
     frozen: Flags = field(default_factory=lambda: np.zeros(0, bool))
-    _tracks: tuple[Track, Track] | None = field(default=None, repr=False)
-    _lost_s: Array = field(default_factory=lambda: np.zeros(0), repr=False)  # without any reading
+    own_speed_factor: Array = field(default_factory=lambda: np.zeros(0))  # share by which it is too high
+    _speed: Array = field(default_factory=lambda: np.zeros(0), repr=False)  # m/s, of the truck, one step ago
+    _learned_s: Array = field(default_factory=lambda: np.zeros(0), repr=False)
     _drifts: Flags = field(default_factory=lambda: np.zeros(0, bool), repr=False)
-    _opened: Array = field(default_factory=lambda: np.zeros(0), repr=False)  # m, beyond speeds and `bias`
-    _range: Array = field(default_factory=lambda: np.zeros(0), repr=False)  # m, of this track just before
+    _measured: Indices = field(default_factory=lambda: np.zeros(0, np.intp), repr=False)  # the last one
     _past: Past = field(default_factory=lambda: Past.nothing(0), repr=False)
 
     def reset(self) -> None:
-        """Forget the past."""
-        self._tracks = None
+        """Forget everything."""
+        self._begin(0)
+
+    def forget(self) -> None:
+        """Forget all objects; the wheel radius stays what it is."""
+        factor, learned = self.own_speed_factor, self._learned_s
+        self._begin(len(factor))
+        self.own_speed_factor, self._learned_s = factor, learned
+
+    def _begin(self, batch: int) -> None:
+        zero, never = np.zeros(batch), np.zeros(batch, bool)
+        self._speed = np.full(batch, np.nan)
+        self.objects, self._past = Objects.none(batch), Past.nothing(batch)
+        self.unseen_s, self.contradicted_s, self._drifts = np.full(batch, np.inf), zero, never
+        self.own_speed_factor, self._learned_s, self._measured = zero, zero, np.zeros(batch, np.intp)
 
     def __call__(self, observation: Observation) -> dict[str, Array]:
-        """The observation with accepted gap and leader speed; NaN only before the first accepted reading."""
+        """The observation with gap and leader speed of what is followed; NaN only before the first reading."""
         names = ("gap", "leader_speed", "speed")
         columns = (np.atleast_1d(np.asarray(observation[n], float)) for n in names)
         gap, leader, speed = np.broadcast_arrays(*columns)
-        reading = Track(gap, leader, np.zeros(len(gap)))
-        first, second = self._carried_on(speed)
+        if self.objects.gap.shape[1] != len(speed):
+            self._begin(len(speed))
         received = np.isfinite(gap + leader)
-        new = received & (self.unseen_s > self.forget_s)
-        off = gap - first.gap
-        far = np.abs(off) > self.jump_m + 0.5 * self.manoeuvre * self._lost_s**2
-        far |= np.abs(leader - first.speed) > self.jump_speed + self.manoeuvre * self._lost_s
-        fits = received & ~new & (~far | self._drifts)
-        back = fits & (self._lost_s > 0)  # what was reckoned meanwhile shows no drift
         self.frozen = self._is_frozen(gap, leader, speed)
-        beyond = gap - self._range - (leader - speed + self.bias) * self.dt
-        counts = fits & np.isfinite(beyond)
-        self._opened = np.where(counts, np.maximum(self._opened + beyond, 0.0), self._opened)
-        opened_m = np.maximum(self.opened_m, 0.5 + 3.0 * self._past.noise[0])
-        drifts = (np.abs(off) > self.drift_m) | (self._opened > opened_m) | self.frozen
-        self._drifts = (fits & ~back & drifts) | (self._drifts & ~received)
-        believed = new | (fits & ~self._drifts)
-        share = np.where(back, 1.0, self.dt / self.drift_s)
-        corrected = Track(np.where(new, gap, first.gap + share * off), leader, first.credit_s)
-        first = corrected.where(believed, first)
-        second = self._second(reading, received & ~fits & ~new, fits, second)
-        needed = np.where(second.gap < first.gap, self.nearer_s, self.farther_s)
-        swap = received & ~fits & ~new & (second.credit_s > needed - 1e-9)
-        swap &= np.abs(second.gap - first.gap) > self.drift_m
-        before = first._replace(credit_s=np.full(len(gap), 2 * self.farther_s))
-        first, second = reading.where(swap, first), before.where(swap, second)
-        believed |= swap
-        self._opened = np.where(swap | new, 0.0, self._opened)
-        self._range = np.where(fits | swap | new, gap, np.nan)
-        self._tracks = first, second
-        self._lost_s = np.where(fits | believed, 0.0, self._lost_s + np.where(received, 0.0, self.dt))
-        self.unseen_s = np.where(believed, 0.0, self.unseen_s + self.dt)
-        closing = self._drifts & received & ~self.frozen & (off < 0)
-        doubted = self.contradicted_s + np.where(received, self.dt, 0.0)
-        self.contradicted_s = np.where(self._drifts & ~closing, doubted, 0.0)
-        slow = np.maximum(np.minimum(leader, first.speed) + off / self.drift_s, 0.0)
-        radar = np.where(believed | closing, gap, np.nan), np.where(closing, slow, leader)
-        self.radar = radar[0], np.where(believed | closing, radar[1], np.nan)
-        likely = (np.where(np.isnan(seen), kept, seen) for seen, kept in zip(self.radar, first, strict=False))
+        old = self._carried_on(speed)
+        old = old.where(~(received & (self.unseen_s > self.forget_s)) | _slots(1, 2), Objects.none(len(speed)))
+        slot, new = self._belongs(old, gap, leader, received)
+        here = received & (_numbers == slot)
+        after, beyond = self._updated(old, gap, leader, speed, here, new)
+        self._learn(beyond, speed, _at(old.unseen_s, slot), received & ~new)
+        after = self._aged(after, here, received)
+        drifts = (_at(after.opened, slot) > self._opened_m) | self.frozen
+        self._drifts = np.where(received, drifts, self._drifts)
+        accepted = here & ((after.seen_s > self.dt / 2) | _slots(0)) & ~self._drifts
+        self.objects, order = self._in_order(after, slot, accepted.any(axis=0))
+        accepted = np.take_along_axis(accepted, np.maximum(order, 0), axis=0)
+        self._measured = np.argmax(order == np.where(received, slot, self._measured), axis=0)
+        self.came_from = np.where(new & (_numbers == self._measured), -1, order)
+        self._report(gap, leader, accepted, received)
+        pairs = zip(self.readings, (self.objects.gap, self.objects.speed), strict=True)
+        likely = (np.where(np.isnan(seen[0]), kept[0], seen[0]) for seen, kept in pairs)
         return {**observation, **dict(zip(names, (*likely, speed), strict=True))}
 
-    def _carried_on(self, speed: Array) -> tuple[Track, Track]:
-        """Both tracks one step later, at constant speeds."""
-        if self._tracks is None or len(self._tracks[0].gap) != len(speed):
-            nowhere = np.full(len(speed), np.nan)
-            self._tracks = Track(nowhere, nowhere, nowhere), Track(nowhere, nowhere, np.zeros(len(speed)))
-            self._lost_s, self._drifts = np.zeros(len(speed)), np.zeros(len(speed), bool)
-            self.unseen_s = np.full(len(speed), np.inf)
-            self.contradicted_s, self._opened = np.zeros(len(speed)), np.zeros(len(speed))
-            self._range = nowhere
-            self._past = Past.nothing(len(speed))
-        first, second = (t._replace(gap=t.gap + (t.speed - speed) * self.dt) for t in self._tracks)
-        return first, second
+    @property
+    def _step_m(self) -> Array:
+        """By how much a range may leave the speeds from one reading to the next, m (batch,): 0.8 m with the
+        usual noise of 0.1 m (1 sd)."""
+        return 0.4 + 2.0 * self._past.noise[0]
+
+    @property
+    def _opened_m(self) -> Array:
+        """By how much in all it may, m (batch,)."""
+        return np.maximum(self.opened_m, 2.5 * self._step_m)
+
+    @property
+    def _rate_error(self) -> Array:
+        """Of `Objects.rate` that noise explains, m/s (batch,): 0.3 m/s with the usual noise."""
+        return 0.1 + np.maximum(self._past.noise[0], 0.05)
+
+    def _carried_on(self, speed: Array) -> Objects:
+        """All objects one step later, at constant speeds."""
+        was, before = self.objects, np.where(np.isfinite(self._speed), self._speed, speed)
+        self._speed = speed
+        moved = (was.speed - 0.5 * (before + speed) * (1.0 - self.own_speed_factor)) * self.dt
+        return was._replace(gap=was.gap + moved, range=was.range + moved, unseen_s=was.unseen_s + self.dt)
+
+    def _belongs(self, old: Objects, gap: Array, leader: Array, received: Flags) -> tuple[Indices, Flags]:
+        """The place in the list of the object that was measured, and whether it is a new one, each (batch,)."""
+        missed_s = old.unseen_s - self.dt
+        young = (old.seen_s < self.dt - 1e-9) & ~_slots(0)
+        reach = np.where(young, self.same_m, self.jump_m + 0.5 * self.manoeuvre * missed_s**2)
+        fits = np.abs(gap - old.gap) <= reach
+        doubtful = old.opened > self._opened_m  # its speed is kept as it was before
+        fits &= doubtful | (np.abs(leader - old.speed) <= self.jump_speed + self.manoeuvre * missed_s)
+        known = np.argmax(np.where(fits, 1.0 + old.seen_s + _slots(0), 0.0), axis=0)
+        free = np.argmin(np.where(np.isnan(old.gap), -1.0, old.seen_s + 1e3 * _slots(0)), axis=0)
+        new = received & ~fits.any(axis=0)
+        return np.where(new, free, known), new
+
+    def _updated(
+        self, old: Objects, gap: Array, leader: Array, speed: Array, here: Flags, new: Flags
+    ) -> tuple[Objects, Array]:
+        """The list with the reading taken into the object that it belongs to, and by how much (m, (batch,))
+        its range grew beyond the speeds since its last reading."""
+        elapsed, step = old.unseen_s, self._step_m
+        # Since its last reading its speed is taken to have changed evenly.
+        beyond = gap - old.range - 0.5 * (leader - old.speed) * elapsed
+        within = np.clip(beyond, -step, step)
+        same = np.abs(beyond) <= step  # else another point of reflection
+        opened = np.maximum(old.opened + same * np.nan_to_num(beyond) - (self.leak + 0.1 * self._past.noise[0]) * elapsed, 0.0)
+        share = np.minimum(elapsed / self.rate_s, 1.0)
+        rate = old.rate + share * (within / np.maximum(elapsed, self.dt) - old.rate)
+        off = gap - old.gap
+        farther = off > step
+        beyond_s = np.where(farther, old.beyond_s + elapsed, 0.0)
+        share = np.where(off < -step, 0.5, np.where(farther, 0.0, elapsed / self.correct_s))
+        share = np.where((elapsed > 3.5 * self.dt) | (beyond_s > self.edge_s), 1.0, np.minimum(share, 1.0))
+        doubtful, zero = opened > self._opened_m, np.zeros_like(elapsed)
+        share = np.where(doubtful, 0.0, share)
+        seen_s = np.minimum(old.seen_s + self.dt, 2 * self.farther_s)
+        known = Objects(
+            old.gap + share * off,
+            np.where(doubtful, old.speed, leader),
+            seen_s,
+            zero,
+            gap + zero,
+            opened,
+            rate,
+            np.where(share == 1.0, 0.0, beyond_s),
+        )
+        first = Objects(gap + zero, leader + zero, zero, zero, gap + zero, zero, zero, zero)
+        after = first.where(here & new, known.where(here, old))
+        return after, np.where(here & ~new, beyond, 0.0).sum(axis=0)
+
+    def _learn(self, beyond: Array, speed: Array, elapsed: Array, counts: Flags) -> None:
+        """Take what the range grew beyond the speeds as the effect of a wrong wheel radius."""
+        counts = counts & (speed > self.learn_speed) & (np.abs(beyond) < self._step_m)
+        # Else it may be a drift.
+        counts &= self.objects.opened.max(axis=0) < 0.4 * self._opened_m
+        counts &= self.objects.rate.min(axis=0) > -3.0 * self._rate_error
+        elapsed = np.where(counts, elapsed, 0.0)
+        self._learned_s = self._learned_s + elapsed
+        over = np.where(self._learned_s < self.learn_s, self._learned_s, self.relearn_s)
+        more = np.where(counts, beyond, 0.0) / np.maximum(over * speed, self.dt)
+        self.own_speed_factor = np.clip(self.own_speed_factor + more, -self.most_factor, self.most_factor)
+
+    def _aged(self, after: Objects, here: Flags, received: Flags) -> Objects:
+        """The list after a reading elsewhere: an object that the radar looks through is soon gone."""
+        passed = received & ~here & ~_slots(0)
+        less = after.seen_s - np.where(passed, self.dt, 0.0)
+        gone = passed & (less < self.dt / 2)
+        lost = (after.unseen_s > self.forget_s) & ~_slots(0)
+        kept = after._replace(seen_s=less)
+        return Objects.none(len(received)).where(gone | lost, kept)
+
+    def _in_order(self, after: Objects, slot: Indices, accepted: Flags) -> tuple[Objects, Indices]:
+        """The list with what is to be followed first, and where each of it was before, -1 for nowhere."""
+        first, mine = after.gap[0], _at(after.gap, slot)
+        nearer, none = mine < first, np.isnan(first)
+        needed = np.where(none, 0.0, np.where(nearer, self.nearer_s, self.farther_s))
+        swaps = (slot > 0) & accepted & (_at(after.seen_s, slot) > needed - 1e-9)
+        swaps &= none | (np.abs(mine - first) > self.apart_m)
+        order = np.broadcast_to(_numbers, after.gap.shape)
+        before = swaps & (_numbers == slot)
+        order = np.where(before, 0, np.where(swaps & _slots(0), slot, order))
+        left = before & ~nearer  # the vehicle that was followed has left the lane
+        moved = after.take(order)
+        moved = moved._replace(seen_s=np.where(before, 2 * self.farther_s, moved.seen_s))
+        return Objects.none(len(slot)).where(left, moved), np.where(left, -1, order)
+
+    def _report(self, gap: Array, leader: Array, accepted: Flags, received: Flags) -> None:
+        """What shield and policy get of the reading, and what is not believed."""
+        now = self.objects
+        slower = np.minimum(now.rate + self._rate_error, 0.0)
+        edge = np.where(gap - now.gap > self._step_m, now.gap, gap)
+        speed = np.maximum(leader + slower, 0.0)
+        self.readings = np.where(accepted, edge, np.nan), np.where(accepted, speed, np.nan)
+        confirmed = np.isfinite(now.gap) & (now.seen_s > self.dt / 2)
+        self.counts = (confirmed & (now.gap <= _at(now.gap, self._measured))) | _slots(0)
+        self.unseen_s = np.where(accepted[0], 0.0, self.unseen_s + self.dt)
+        closing = received & (_at(now.rate, self._measured) < -5.0 * self._rate_error)
+        more = np.where(received, np.where(self._drifts, self.dt, self.dt / 3.0), 0.0)
+        doubted = np.where(self._drifts | closing, self.contradicted_s + more, 0.0)
+        self.contradicted_s = np.where(received, doubted, self.contradicted_s)
 
     def _is_frozen(self, gap: Array, leader: Array, speed: Array) -> Flags:
         """Whether a range or speed that was noisy and never repeated itself has done so for `frozen_s`."""
@@ -163,7 +302,7 @@ class Tracker:
         received = np.isfinite(gap + leader)
         same = received & (reading == past.last)
         change = reading - past.last
-        rough = np.where(same, np.nan, np.abs(change - past.change))
+        rough = np.minimum(np.where(same, np.nan, np.abs(change - past.change)), 1.0)  # a jump is no noise
         seen_s = np.minimum(past.seen_s + self.dt * np.isfinite(rough), self.noise_s)
         noise = past.noise + self.dt / np.maximum(seen_s, self.dt) * np.nan_to_num(rough - past.noise)
         same_s = np.where(same, past.same_s + self.dt, np.where(received, 0.0, past.same_s))
@@ -174,14 +313,15 @@ class Tracker:
         frozen = (noisy & (same_s > self.frozen_s - 1e-9)).any(axis=0)
         return np.asarray(frozen & (speed > self.moving))
 
-    def _second(self, reading: Track, elsewhere: Flags, fits: Flags, second: Track) -> Track:
-        """The second track: a reading `elsewhere` agrees with it or replaces it; one that `fits` the first
-        track reduces its count."""
-        reach = np.where(second.credit_s > self.farther_s, self.jump_m, self.same_m)  # was it ever the first?
-        agrees = np.abs(reading.gap - second.gap) <= reach
-        agrees &= np.abs(reading.speed - second.speed) <= self.jump_speed
-        followed = Track(second.gap, reading.speed, second.credit_s + self.dt)
-        left = second.credit_s - self.dt
-        gone = left < -1e-9  # a ghost that comes back begins anew
-        less = Track(np.where(gone, np.nan, second.gap), second.speed, np.maximum(left, 0.0))
-        return followed.where(elsewhere & agrees, reading.where(elsewhere, less.where(fits, second)))
+
+_numbers = np.arange(SLOTS)[:, None]
+
+
+def _slots(*which: int) -> Flags:
+    """Flags of these places in the list, (SLOTS, 1)."""
+    return np.isin(_numbers, which)
+
+
+def _at(column: Array, slot: Indices) -> Array:
+    """The entry of each truck's place in the list, (batch,)."""
+    return np.take_along_axis(column, slot[None], axis=0)[0]
