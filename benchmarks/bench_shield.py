@@ -15,7 +15,8 @@ from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.evaluation.metrics import summary
 from deeptruck_cacc.safety import proof, truck_limits
 from deeptruck_cacc.safety.guard import guard
-from deeptruck_cacc.safety.shield import Promise, Shield
+from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.shield import Shield
 from deeptruck_model import simulators
 from deeptruck_model.simulators import Simulator
 

@@ -197,9 +197,9 @@ def drive(
                 hour.least_time_gap = min(hour.least_time_gap, chain.lane.ahead[0] / speed)
                 hour.longest_time_gap = max(hour.longest_time_gap, chain.lane.ahead[0] / speed)
         hour.driven_s += STEP * held
-        if held and chain.guard.shield._seen is not None and k % 100 == 0:
+        if held and chain.guard.shield._ahead is not None and k % 100 == 0:
             warmer = chain.truck.inside("brake_temperature") - values["ambient_temperature"]
-            heat, bound = warmer * per_kelvin, float(chain.guard.shield._seen.heat[0])
+            heat, bound = warmer * per_kelvin, float(chain.guard.shield._truck.heat[0])
             hour.heat_margin = min(hour.heat_margin, bound - heat)
             if heat > hour.heat:
                 hour.heat, hour.bound = heat, bound

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.environments.adapters import CaccGymEnv
-from deeptruck_cacc.safety.shield import Promise, Shield
+from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.shield import Shield
 from deeptruck_cacc.safety.truck_limits import known
 from deeptruck_model.errors import InputError
 

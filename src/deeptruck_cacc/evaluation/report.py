@@ -35,7 +35,7 @@ from deeptruck_cacc.evaluation.output import (
 from deeptruck_cacc.evaluation.page import page
 from deeptruck_cacc.safety import guard as guards
 from deeptruck_cacc.safety import truck_limits
-from deeptruck_cacc.safety.shield import Promise
+from deeptruck_cacc.safety.promise import Promise
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface

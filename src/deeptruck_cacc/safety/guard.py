@@ -17,7 +17,8 @@ from deeptruck_cacc.controllers.loading import load_policy
 from deeptruck_cacc.controllers.onnx_policy import OnnxPolicy
 from deeptruck_cacc.controllers.policy import TYPICAL, MlpPolicy, Observation, Policy
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, require
-from deeptruck_cacc.safety.shield import Promise, Shield
+from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.shield import Shield
 from deeptruck_cacc.safety.track import Tracker
 from deeptruck_cacc.safety.truck_limits import known, measure
 from deeptruck_model import simulators
@@ -107,6 +108,30 @@ class Guard:
         return self._tracker.contradicted_s
 
     @property
+    def own_speed_factor(self) -> Array:
+        """Share by which the truck's own speed is too high (worn tyres), (batch,), as learned so far."""
+        return self._tracker.own_speed_factor
+
+    @property
+    def room_m(self) -> Array:
+        """Distance to the shield's limit, m (batch,): positive where braking may wait; NaN without a shield
+        or before the first reading."""
+        room = np.full(len(self.unseen_s), np.nan) if self.shield is None else self.shield.room_m
+        return np.where(np.isfinite(room), room, np.nan)
+
+    @property
+    def brake_gain(self) -> Array:
+        """Share of the promised deceleration that the brakes give, (batch,), as learned so far."""
+        batch = len(self.unseen_s)
+        return np.ones(batch) if self.shield is None else self.shield.brakes.gain_of(batch)
+
+    @property
+    def brakes_failed(self) -> Flags:
+        """Where the brakes give so little of it that nobody may rely on them, (batch,)."""
+        batch = len(self.unseen_s)
+        return np.zeros(batch, bool) if self.shield is None else self.shield.brakes.failed
+
+    @property
     def radar_is_frozen(self) -> Flags:
         """Where a noisy radar has repeated a reading for so long that it is frozen, (batch,)."""
         return self._tracker.frozen
@@ -129,6 +154,7 @@ class Guard:
     def reset(self) -> None:
         """Reset the state, with cold brakes."""
         self._forget()
+        self._tracker.reset()
         if self.shield is not None:
             self.shield.reset()
 
@@ -144,8 +170,9 @@ class Guard:
             self.shield.spare()
 
     def _forget(self) -> None:
-        for part in (self.policy, self.fallback, self._tracker, self._last_seen):
+        for part in (self.policy, self.fallback, self._last_seen):
             part.reset()
+        self._tracker.forget()
         self._away = None
 
     def act(self, observation: Observation) -> tuple[Array, Array]:
@@ -155,6 +182,10 @@ class Guard:
         """
         raw = self._arrays(observation)
         seen, unknown = self._filled(raw)
+        if self.shield is not None:
+            track, grade = self._tracker, raw.get("grade", np.full(len(unknown), np.nan))
+            speed = np.maximum(self._last_seen.speed, self._last_seen.speed * (1.0 - track.own_speed_factor))
+            self.shield.see(*track.readings, speed, grade, track.counts, track.came_from)
         # Near standstill a time gap is no distance: the truck then aims for `standstill_m`.
         # Nor does it aim for a gap at which the shield would act: the two would drive against each other.
         least = np.full(len(unknown), self.standstill_m)
@@ -168,9 +199,8 @@ class Guard:
         if self.shield is None:
             self.acted = np.zeros(len(engine), bool)
             return engine, brake
-        measured = (*self._tracker.radar, self._last_seen.speed)
-        engine, brake = self.shield.gentle(*measured, engine, brake)
-        engine, brake = self.shield.filter(*measured, engine, brake, seen.get("grade", np.nan))
+        engine, brake = self.shield.gentle(engine, brake)
+        engine, brake = self.shield.limit(engine, brake, seen.get("grade", np.nan))
         self.acted = self.shield.acted
         return engine, brake
 

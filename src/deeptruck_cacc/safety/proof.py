@@ -1,8 +1,8 @@
 """Tests the promise: batched rollouts, and an adversarial search for a violation.
 
-The truck is the worst one that the promise permits: it accelerates by a(v) for `response_s` after the full
-brake command, then brakes with exactly `braking(heat)`; below the full command it follows the policy's wish,
-within its limits. The adversary controls policy, leader, radar error and dropouts; a leader that the radar
+The truck is the worst one that the promise permits: for `response_s` after the full brake command it goes on
+braking as little as before, or accelerates by a(v) where it did not brake, then brakes with exactly `braking(heat)`; below the full command it brakes by the least that is
+promised of it. The adversary controls policy, leader, radar error and dropouts; a leader that the radar
 has lost may brake as hard as the promise says. Two results are counted: how close the gap comes to d_safety,
 and how early the shield brakes.
 """
@@ -16,10 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.safety.shield import Bounds, Promise, Shield
+from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.shield import Ahead, Shield, Truck
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+FULL = 1.0 - 1e-9
 KNOTS = 12  # pieces of a rollout in which leader, policy and radar keep one behaviour
 WIDTH = 5 + 4 * KNOTS  # numbers that describe one rollout, each in 0..1
 
@@ -68,7 +70,8 @@ class _Leader(NamedTuple):
         behind = np.where(lost, self.worst_lag_m + p.dt * (speed - worst), 0.0)
         seen_to_brake = (self.slow - speed) / (p.track_s + self.unseen_s)
         braking = np.where(lost, may, np.clip(seen_to_brake, 0.0, p.leader_braking))
-        slow = np.where(lost, self.slow, self.slow + min(p.dt / p.track_s, 1.0) * (speed - self.slow))
+        share = np.minimum((p.dt + self.unseen_s) / p.track_s, 1.0)
+        slow = np.where(lost, self.slow, self.slow + share * (speed - self.slow))
         return _Leader(speed, slow, braking, np.where(lost, self.unseen_s + p.dt, 0.0), behind, worst)
 
 
@@ -83,11 +86,13 @@ def rollouts(promise: Promise, genes: Array, steps: int = 300, *, shielded: bool
     start = p.needed_gap(speed + p.speed_error, np.maximum(first - p.speed_error, 0.0), heat, 0.0)
     gap = start + p.gap_error + 20.0 * genes[:, 3] ** 3
     since, nothing = np.zeros(batch), np.zeros(batch)  # s of full brake command so far
+    partly = np.zeros(batch)  # share of the brake command before it was full
     leader = _Leader(first, first, nothing, nothing, nothing, first)
     shield = Shield(p, 0.0, 1.0)
     # the promise includes knowing how hot the brakes are
-    shield._seen = Bounds.unknown(batch)._replace(
-        gap=gap, leader=first, speed=speed, heat=heat.copy(), slow_leader=first, unseen_s=nothing
+    shield._truck = Truck.unknown(batch)._replace(speed=speed, heat=heat.copy())
+    shield._ahead = Ahead.never(1, batch)._replace(
+        gap=gap[None], speed=first[None], slow=first[None], unseen_s=nothing[None]
     )
     pull, wish, blind, noise = np.split(genes[:, 5:], 4, axis=1)
     least, acted, earliest = np.full(batch, np.inf), np.zeros(batch), np.full(batch, -np.inf)
@@ -97,14 +102,15 @@ def rollouts(promise: Promise, genes: Array, steps: int = 300, *, shielded: bool
         seen = _measured(p, gap, leader.speed, speed, noise[:, piece], lost)
         engine, brake = wished = _policy(wish[:, piece])
         if shielded:
-            may_be_hot = shield._seen.heat
+            may_be_hot = shield._truck.heat
             engine, brake = shield.filter(*seen, *wished)
             acted += shield.acted
             left = gap - leader.worst_lag_m - p.needed_gap(speed, leader.worst_speed, may_be_hot, p.dt)
             beyond = brake > np.maximum(wished[1], p.mild_brake) + 1e-9
             earliest = np.where(beyond, np.maximum(earliest, left), earliest)
         before = speed
-        speed, since, heat = _worst_truck(p, speed, since, heat, engine, brake)
+        partly = np.where(brake >= FULL, partly, brake)
+        speed, since, heat = _worst_truck(p, speed, since, heat, engine, brake, partly)
         gap = gap + (leader.speed - before) * p.dt
         wanted = (8.0 * pull[:, piece] - 6.0).clip(-p.leader_braking, 2.0)
         leader = leader.moved(p, wanted, blind[:, _piece(k + 1, steps)] > 0.9)
@@ -133,14 +139,21 @@ def _policy(wish: Array) -> tuple[Array, Array]:
 
 
 def _worst_truck(
-    p: Promise, speed: Array, since: Array, heat: Array, engine: Array, brake: Array
+    p: Promise,
+    speed: Array,
+    since: Array,
+    heat: Array,
+    engine: Array,
+    brake: Array,
+    partly: Array | float = 0.0,
 ) -> tuple[Array, Array, Array]:
-    """Next speed, time under full brake, and heat."""
-    full = brake >= 1.0 - 1e-9
-    braking, push = p.braking_when(heat), p.acceleration_at(speed)
-    free = np.where(brake > 0.0, -brake * 0.5 * braking, np.nan_to_num(engine) * push)
+    """Next speed, time under full brake, and heat; `partly` was the brake command before it was full."""
+    full = brake >= FULL
+    braking, push = p.braking_when(heat, speed), p.acceleration_at(speed)
+    free = np.where(brake > 0.0, -p.least_braking(brake, heat, speed), np.nan_to_num(engine) * push)
     late = since >= p.response_s - 1e-9
-    rate = np.where(full, np.where(late, -braking, push), free)
+    waits = np.where(np.asarray(partly) > 0.0, -p.least_braking(np.asarray(partly), heat, speed), push)
+    rate = np.where(full, np.where(late, -braking, waits), free)
     after = np.maximum(speed + rate * p.dt, 0.0)
     stopped = p.heat_after(heat, np.zeros(len(heat)), speed)
     stopped = stopped + np.where(late, p.dt * p.stop_heat * braking * speed, 0.0)

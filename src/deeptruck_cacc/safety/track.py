@@ -156,7 +156,9 @@ class Tracker:
         received = np.isfinite(gap + leader)
         self.frozen = self._is_frozen(gap, leader, speed)
         old = self._carried_on(speed)
-        old = old.where(~(received & (self.unseen_s > self.forget_s)) | _slots(1, 2), Objects.none(len(speed)))
+        old = old.where(
+            ~(received & (self.unseen_s > self.forget_s)) | _slots(1, 2), Objects.none(len(speed))
+        )
         slot, new = self._belongs(old, gap, leader, received)
         here = received & (_numbers == slot)
         after, beyond = self._updated(old, gap, leader, speed, here, new)
@@ -220,7 +222,9 @@ class Tracker:
         beyond = gap - old.range - 0.5 * (leader - old.speed) * elapsed
         within = np.clip(beyond, -step, step)
         same = np.abs(beyond) <= step  # else another point of reflection
-        opened = np.maximum(old.opened + same * np.nan_to_num(beyond) - (self.leak + 0.1 * self._past.noise[0]) * elapsed, 0.0)
+        opened = np.maximum(
+            old.opened + same * np.nan_to_num(beyond) - (self.leak + 0.1 * self._past.noise[0]) * elapsed, 0.0
+        )
         share = np.minimum(elapsed / self.rate_s, 1.0)
         rate = old.rate + share * (within / np.maximum(elapsed, self.dt) - old.rate)
         off = gap - old.gap
