@@ -1,4 +1,4 @@
-"""What is assumed of the leader, the truck and the radar, and the gap that follows from it (docs/cacc_shield.md)."""
+"""What is assumed of leader, truck and radar, and the gap that follows from it (docs/cacc_shield.md)."""
 
 from __future__ import annotations
 

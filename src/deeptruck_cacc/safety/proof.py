@@ -1,10 +1,10 @@
 """Tests the promise: batched rollouts, and an adversarial search for a violation.
 
 The truck is the worst one that the promise permits: for `response_s` after the full brake command it goes on
-braking as little as before, or accelerates by a(v) where it did not brake, then brakes with exactly `braking(heat)`; below the full command it brakes by the least that is
-promised of it. The adversary controls policy, leader, radar error and dropouts; a leader that the radar
-has lost may brake as hard as the promise says. Two results are counted: how close the gap comes to d_safety,
-and how early the shield brakes.
+braking as little as before, or accelerates by a(v) where it did not brake, then brakes with exactly
+`braking(heat)`; below the full command it brakes by the least that is promised of it. The adversary controls
+policy, leader, radar error and dropouts; a leader that the radar has lost may brake as hard as the promise
+says. Two results are counted: how close the gap comes to d_safety, and how early the shield brakes.
 """
 
 from __future__ import annotations

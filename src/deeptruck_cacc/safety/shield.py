@@ -1,4 +1,4 @@
-"""The shield passes commands on while the truck could still stop behind everything ahead; otherwise it brakes.
+"""The shield passes commands on while the truck could still stop behind all objects; otherwise it brakes.
 
 Derived in docs/cacc_shield.md.
 

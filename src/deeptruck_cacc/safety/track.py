@@ -25,18 +25,31 @@ class Objects(NamedTuple):
 
     gap: Array  # m to its near edge, carried on by the speeds and corrected by the range
     speed: Array  # m/s, as last measured
+    rate: Array  # m/s^2, at which that changes, over `accelerate_s`
     seen_s: Array  # s for which readings agreed with it, less those in which something else was measured
     unseen_s: Array  # s since its last reading
     range: Array  # m, its last reading carried on by the speeds
     opened: Array  # m by which its range has grown beyond the speeds; never negative
-    rate: Array  # m/s by which its range grows beyond the speeds, over `rate_s`
+    by_range: Array  # m/s, its speed as the range alone tells it, over `range_s`,
+    by_radar: Array  # m/s, and as the radar does, over the same time
     beyond_s: Array  # s for which its range has been beyond its near edge
+    beyond: Array  # m by which its last reading left the speeds
 
     @classmethod
     def none(cls, batch: int) -> Objects:
         """No object."""
         unknown, zero = np.full((SLOTS, batch), np.nan), np.zeros((SLOTS, batch))
-        return cls(unknown, unknown, zero, zero, unknown, zero, zero, zero)
+        return cls(unknown, unknown, zero, zero, zero, unknown, zero, unknown, unknown, zero, zero)
+
+    @property
+    def speed_now(self) -> Array:
+        """Its speed, m/s: one that slowed down goes on doing so while it is not measured."""
+        return np.maximum(self.speed + np.minimum(self.rate, 0.0) * self.unseen_s, 0.0)
+
+    @property
+    def faster_m_s(self) -> Array:
+        """By how much the range grows faster than the speeds say, m/s."""
+        return self.by_range - self.by_radar
 
     def where(self, flags: Flags, other: Objects) -> Objects:
         """These where `flags` (SLOTS, batch), else the others."""
@@ -66,7 +79,7 @@ class Past(NamedTuple):
 
 @dataclass
 class Tracker:
-    """Keeps the list of objects. Without a reading an object is assumed to keep its speed.
+    """Keeps the list of objects. Without a reading an object keeps its speed, or slows down as it did.
 
     A reading belongs to the object that it fits best, else it is a new one, which is confirmed by the next
     reading that continues it and vanishes if that does not come. Whatever is confirmed is for the shield to
@@ -76,9 +89,9 @@ class Tracker:
 
     Range and speeds must agree. Their difference is summed over the time in which an object is followed,
     misses included. What is proportional to the truck's own speed is a wrong wheel radius, learned as
-    `own_speed_factor` in the first `learn_s` and slowly from then on; what else accumulates to `opened_m` is a
-    range that drifts or stands still, or a speed that is wrong, and the reading is not accepted. A range that
-    decreases faster than the speeds say is accepted, and the object is taken to be as slow as that.
+    `own_speed_factor` in the first `learn_s` and slowly from then on; what else accumulates to `opened_m` is
+    a range that drifts or stands still, or a speed that is wrong, and the reading is not accepted. A range
+    that decreases faster than the speeds say is accepted, and the object is taken to be as slow as that.
 
     A range that jumps by less than `jump_m` is another point of reflection of the same vehicle: the nearest
     one of the last `edge_s` counts. Readings of a noisy radar whose range or speed repeats itself exactly
@@ -107,7 +120,8 @@ class Tracker:
     learn_speed: float = 5.0  # m/s, above which it is learned
     opened_m: float = 2.0
     leak: float = 0.03  # m/s, slower than which a drift is not noticed; more for a radar with noise
-    rate_s: float = 1.0
+    accelerate_s: float = 1.0
+    range_s: float = 0.7
     noise_m: float = 0.01  # mean second difference from which a range is noisy; that of 0.1 m (1 sd) is 0.2
     noise_speed: float = 0.005  # m/s, likewise of the leader's speed
     noise_s: float = 10.0  # over which it is taken
@@ -147,7 +161,7 @@ class Tracker:
         self.own_speed_factor, self._learned_s, self._measured = zero, zero, np.zeros(batch, np.intp)
 
     def __call__(self, observation: Observation) -> dict[str, Array]:
-        """The observation with gap and leader speed of what is followed; NaN only before the first reading."""
+        """The observation with gap and leader speed of what is followed; NaN before the first reading."""
         names = ("gap", "leader_speed", "speed")
         columns = (np.atleast_1d(np.asarray(observation[n], float)) for n in names)
         gap, leader, speed = np.broadcast_arrays(*columns)
@@ -172,15 +186,21 @@ class Tracker:
         self._measured = np.argmax(order == np.where(received, slot, self._measured), axis=0)
         self.came_from = np.where(new & (_numbers == self._measured), -1, order)
         self._report(gap, leader, accepted, received)
-        pairs = zip(self.readings, (self.objects.gap, self.objects.speed), strict=True)
+        pairs = zip(self.readings, (self.objects.gap, self.objects.speed_now), strict=True)
         likely = (np.where(np.isnan(seen[0]), kept[0], seen[0]) for seen, kept in pairs)
         return {**observation, **dict(zip(names, (*likely, speed), strict=True))}
+
+    @property
+    def _noise_m(self) -> Array:
+        """Mean second difference of the range, m (batch,); the usual one until it is known."""
+        noise = self._past.noise[0]
+        return np.where(self._past.seen_s[0] < 1.0, np.maximum(noise, 0.2), noise)
 
     @property
     def _step_m(self) -> Array:
         """By how much a range may leave the speeds from one reading to the next, m (batch,): 0.8 m with the
         usual noise of 0.1 m (1 sd)."""
-        return 0.4 + 2.0 * self._past.noise[0]
+        return 0.4 + 2.0 * self._noise_m
 
     @property
     def _opened_m(self) -> Array:
@@ -188,25 +208,26 @@ class Tracker:
         return np.maximum(self.opened_m, 2.5 * self._step_m)
 
     @property
-    def _rate_error(self) -> Array:
-        """Of `Objects.rate` that noise explains, m/s (batch,): 0.3 m/s with the usual noise."""
-        return 0.1 + np.maximum(self._past.noise[0], 0.05)
+    def _range_error(self) -> Array:
+        """Of a speed from ranges, by noise, m/s (batch,): 0.4 m/s with the usual noise."""
+        return 0.1 + 1.5 * np.maximum(self._noise_m, 0.05)
 
     def _carried_on(self, speed: Array) -> Objects:
         """All objects one step later, at constant speeds."""
         was, before = self.objects, np.where(np.isfinite(self._speed), self._speed, speed)
         self._speed = speed
-        moved = (was.speed - 0.5 * (before + speed) * (1.0 - self.own_speed_factor)) * self.dt
-        return was._replace(gap=was.gap + moved, range=was.range + moved, unseen_s=was.unseen_s + self.dt)
+        own = 0.5 * (before + speed) * (1.0 - self.own_speed_factor)
+        gap, by_speed = was.gap + (was.speed_now - own) * self.dt, was.range + (was.speed - own) * self.dt
+        return was._replace(gap=gap, range=by_speed, unseen_s=was.unseen_s + self.dt)
 
     def _belongs(self, old: Objects, gap: Array, leader: Array, received: Flags) -> tuple[Indices, Flags]:
-        """The place in the list of the object that was measured, and whether it is a new one, each (batch,)."""
+        """The place in the list of what was measured, and whether it is a new object, each (batch,)."""
         missed_s = old.unseen_s - self.dt
         young = (old.seen_s < self.dt - 1e-9) & ~_slots(0)
         reach = np.where(young, self.same_m, self.jump_m + 0.5 * self.manoeuvre * missed_s**2)
         fits = np.abs(gap - old.gap) <= reach
         doubtful = old.opened > self._opened_m  # its speed is kept as it was before
-        fits &= doubtful | (np.abs(leader - old.speed) <= self.jump_speed + self.manoeuvre * missed_s)
+        fits &= doubtful | (np.abs(leader - old.speed_now) <= self.jump_speed + self.manoeuvre * missed_s)
         known = np.argmax(np.where(fits, 1.0 + old.seen_s + _slots(0), 0.0), axis=0)
         free = np.argmin(np.where(np.isnan(old.gap), -1.0, old.seen_s + 1e3 * _slots(0)), axis=0)
         new = received & ~fits.any(axis=0)
@@ -220,13 +241,18 @@ class Tracker:
         elapsed, step = old.unseen_s, self._step_m
         # Since its last reading its speed is taken to have changed evenly.
         beyond = gap - old.range - 0.5 * (leader - old.speed) * elapsed
-        within = np.clip(beyond, -step, step)
+        # A single jump is another point of reflection; what comes nearer twice as fast does come nearer.
+        within = np.clip(beyond, np.minimum(-step, np.maximum(beyond, old.beyond)), step)
         same = np.abs(beyond) <= step  # else another point of reflection
         opened = np.maximum(
-            old.opened + same * np.nan_to_num(beyond) - (self.leak + 0.1 * self._past.noise[0]) * elapsed, 0.0
+            old.opened + same * np.nan_to_num(beyond) - (self.leak + 0.1 * self._noise_m) * elapsed, 0.0
         )
-        share = np.minimum(elapsed / self.rate_s, 1.0)
-        rate = old.rate + share * (within / np.maximum(elapsed, self.dt) - old.rate)
+        share = np.minimum(elapsed / self.range_s, 1.0)
+        mean = 0.5 * (old.speed + leader)  # the range says `within` a second more
+        by_range = old.by_range + share * (mean + within / np.maximum(elapsed, self.dt) - old.by_range)
+        by_radar = old.by_radar + share * (mean - old.by_radar)
+        share = np.minimum(elapsed / self.accelerate_s, 1.0)
+        rate = old.rate + share * ((leader - old.speed) / np.maximum(elapsed, self.dt) - old.rate)
         off = gap - old.gap
         farther = off > step
         beyond_s = np.where(farther, old.beyond_s + elapsed, 0.0)
@@ -236,16 +262,20 @@ class Tracker:
         share = np.where(doubtful, 0.0, share)
         seen_s = np.minimum(old.seen_s + self.dt, 2 * self.farther_s)
         known = Objects(
-            old.gap + share * off,
-            np.where(doubtful, old.speed, leader),
-            seen_s,
-            zero,
-            gap + zero,
-            opened,
-            rate,
-            np.where(share == 1.0, 0.0, beyond_s),
+            gap=old.gap + share * off,
+            speed=np.where(doubtful, old.speed, leader),
+            rate=np.where(doubtful, old.rate, rate),
+            seen_s=seen_s,
+            unseen_s=zero,
+            range=gap + zero,
+            opened=opened,
+            by_range=by_range,
+            by_radar=by_radar,
+            beyond_s=np.where(share == 1.0, 0.0, beyond_s),
+            beyond=beyond,
         )
-        first = Objects(gap + zero, leader + zero, zero, zero, gap + zero, zero, zero, zero)
+        there, its_speed = gap + zero, leader + zero
+        first = Objects(there, its_speed, zero, zero, zero, there, zero, its_speed, its_speed, zero, zero)
         after = first.where(here & new, known.where(here, old))
         return after, np.where(here & ~new, beyond, 0.0).sum(axis=0)
 
@@ -254,7 +284,7 @@ class Tracker:
         counts = counts & (speed > self.learn_speed) & (np.abs(beyond) < self._step_m)
         # Else it may be a drift.
         counts &= self.objects.opened.max(axis=0) < 0.4 * self._opened_m
-        counts &= self.objects.rate.min(axis=0) > -3.0 * self._rate_error
+        counts &= ~(self.objects.faster_m_s < -3.0 * self._range_error).any(axis=0)
         elapsed = np.where(counts, elapsed, 0.0)
         self._learned_s = self._learned_s + elapsed
         over = np.where(self._learned_s < self.learn_s, self._learned_s, self.relearn_s)
@@ -288,16 +318,16 @@ class Tracker:
     def _report(self, gap: Array, leader: Array, accepted: Flags, received: Flags) -> None:
         """What shield and policy get of the reading, and what is not believed."""
         now = self.objects
-        slower = np.minimum(now.rate + self._rate_error, 0.0)
         edge = np.where(gap - now.gap > self._step_m, now.gap, gap)
-        speed = np.maximum(leader + slower, 0.0)
+        closing = now.faster_m_s < -self._range_error
+        speed = np.where(closing, np.clip(now.by_range + 0.5 * self._range_error, 0.0, leader), leader)
         self.readings = np.where(accepted, edge, np.nan), np.where(accepted, speed, np.nan)
         confirmed = np.isfinite(now.gap) & (now.seen_s > self.dt / 2)
         self.counts = (confirmed & (now.gap <= _at(now.gap, self._measured))) | _slots(0)
         self.unseen_s = np.where(accepted[0], 0.0, self.unseen_s + self.dt)
-        closing = received & (_at(now.rate, self._measured) < -5.0 * self._rate_error)
+        contradicts = received & (_at(now.faster_m_s, self._measured) < -3.0 * self._range_error)
         more = np.where(received, np.where(self._drifts, self.dt, self.dt / 3.0), 0.0)
-        doubted = np.where(self._drifts | closing, self.contradicted_s + more, 0.0)
+        doubted = np.where(self._drifts | contradicts, self.contradicted_s + more, 0.0)
         self.contradicted_s = np.where(received, doubted, self.contradicted_s)
 
     def _is_frozen(self, gap: Array, leader: Array, speed: Array) -> Flags:

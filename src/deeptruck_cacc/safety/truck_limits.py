@@ -8,13 +8,14 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.scaling import ActionScale
-from deeptruck_cacc.safety.proof import hardest_braking_when_lost
 from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.proof import hardest_braking_when_lost
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator, load
@@ -116,7 +117,7 @@ def _gain(beyond: Array, added: Array) -> float:
     return float((np.maximum(added - NO_BRAKING, 0.0)[beyond > 0] / beyond[beyond > 0]).max())
 
 
-def _heat_constants(truck: Mapping[str, float], reserve: float) -> dict[str, float]:
+def _heat_constants(truck: Mapping[str, float], reserve: float) -> dict[str, Any]:
     """Fade and cooling of a promise from the parameters of a truck that names its brakes' heat; else {}."""
     names = ("brake_heat_capacity", "brake_fade", "fade_temperature", "brake_cooling", "brake_cooling_speed")
     if not {*names, "ambient_temperature", "mass"} <= truck.keys():
