@@ -99,8 +99,8 @@ class Tracker:
 
     After each call `objects` is the list; `readings` gap and speed of what was measured and accepted, NaN for
     the others; `counts` which of them the shield must bound; `came_from` the place of each in the list
-    before, -1 for a new one; each (SLOTS, batch). `unseen_s` is the time since the first of the list was
-    measured, inf before; `contradicted_s` that for which range and speeds contradict each other or the radar
+    before, -1 for a new one; each (SLOTS, batch). `unseen_s` is the time since a confirmed one was measured,
+    inf before; `contradicted_s` that for which range and speeds contradict each other or the radar
     is `frozen`; each (batch,).
     """
 
@@ -128,7 +128,7 @@ class Tracker:
     fresh_s: float = 4.0  # in which a noisy signal repeated no value,
     frozen_s: float = 0.8  # so that one that repeats itself for so long is frozen
     moving: float = 1.0  # m/s, of the truck: standing behind a standing vehicle readings may repeat
-    forget_s: float = 4.0  # after so long without a reading what is followed is forgotten
+    forget_s: float = 4.0  # after so long without a reading objects are forgotten
     objects: Objects = field(default_factory=lambda: Objects.none(0))
     readings: tuple[Array, Array] = field(default_factory=lambda: (np.zeros((SLOTS, 0)),) * 2)
     counts: Flags = field(default_factory=lambda: np.zeros((SLOTS, 0), bool))
@@ -170,9 +170,8 @@ class Tracker:
         received = np.isfinite(gap + leader)
         self.frozen = self._is_frozen(gap, leader, speed)
         old = self._carried_on(speed)
-        old = old.where(
-            ~(received & (self.unseen_s > self.forget_s)) | _slots(1, 2), Objects.none(len(speed))
-        )
+        forgotten = received & (old.unseen_s > self.forget_s) & _slots(0)
+        old = Objects.none(len(speed)).where(forgotten, old)
         slot, new = self._belongs(old, gap, leader, received)
         here = received & (_numbers == slot)
         after, beyond = self._updated(old, gap, leader, speed, here, new)
@@ -228,7 +227,8 @@ class Tracker:
         fits = np.abs(gap - old.gap) <= reach
         doubtful = old.opened > self._opened_m  # its speed is kept as it was before
         fits &= doubtful | (np.abs(leader - old.speed_now) <= self.jump_speed + self.manoeuvre * missed_s)
-        known = np.argmax(np.where(fits, 1.0 + old.seen_s + _slots(0), 0.0), axis=0)
+        off = np.abs(gap - old.gap) - _slots(0)  # the first one is preferred by 1 m
+        known = np.argmin(np.where(fits, off, np.inf), axis=0)
         free = np.argmin(np.where(np.isnan(old.gap), -1.0, old.seen_s + 1e3 * _slots(0)), axis=0)
         new = received & ~fits.any(axis=0)
         return np.where(new, free, known), new
@@ -324,7 +324,7 @@ class Tracker:
         self.readings = np.where(accepted, edge, np.nan), np.where(accepted, speed, np.nan)
         confirmed = np.isfinite(now.gap) & (now.seen_s > self.dt / 2)
         self.counts = (confirmed & (now.gap <= _at(now.gap, self._measured))) | _slots(0)
-        self.unseen_s = np.where(accepted[0], 0.0, self.unseen_s + self.dt)
+        self.unseen_s = np.where(accepted.any(axis=0), 0.0, self.unseen_s + self.dt)
         contradicts = received & (_at(now.faster_m_s, self._measured) < -3.0 * self._range_error)
         more = np.where(received, np.where(self._drifts, self.dt, self.dt / 3.0), 0.0)
         doubted = np.where(self._drifts | contradicts, self.contradicted_s + more, 0.0)
