@@ -67,13 +67,11 @@ class Brakes:
     def slewed(self, share: Array, most: Array) -> Array:
         """The share that a policy asks for, at most `most` and changing by the promised jerk, (batch,)."""
         step = self.promise.jerk * self.promise.dt / self.promise.brake_gain
-        last = np.maximum(self._policy, self.promise.bite)  # up to there brakes give nothing
-        wanted = np.where(np.isfinite(share), np.minimum(share, most), share)
-        self._policy = np.nan_to_num(np.clip(wanted, last - step, last + step))
-        self._policy = np.where(
-            wanted <= self.promise.bite, np.minimum(self._policy, last - step), self._policy
-        )
-        self._policy = np.maximum(self._policy, 0.0)
+        bite = self.promise.bite  # up to there brakes give nothing
+        wanted = np.minimum(share, most)
+        reached = np.clip(wanted, self._policy - step, np.maximum(self._policy, bite) + step)
+        reached = np.where((wanted <= bite) & (self._policy <= bite + step), wanted, reached)
+        self._policy = np.nan_to_num(reached)
         return np.where(np.isfinite(share), self._policy, share)
 
     def see(self, speed: Array, grade: Array, heat: Array) -> None:

@@ -285,23 +285,6 @@ def test_every_object_is_stopped_behind_and_one_that_hides_another_counts_alone(
     assert shield._ahead is not None and shield._ahead.gap[:, 0] == pytest.approx([57.7, 49.7], abs=0.2)
 
 
-def test_brakes_that_give_half_are_learned_within_a_second_and_need_more_room():
-    """At 3 m/s^2 asked for by a policy the truck slows down by 1.5 m/s^2; once it gives all again, slowly."""
-    shield, speed, share = Shield(PROMISE, 0.0, 100.0), 25.0, 0.6
-    promised = float(PROMISE.least_braking(column(share), column(0.0), column(25.0))[0])
-    gains, rooms, failed = [], [], []
-    for k in range(40):
-        shield.see(column(150.0), column(25.0), column(speed), column(0.0))
-        shield.limit(column(0.0), column(100.0 * share), column(0.0))
-        gains.append(float(shield.brakes.gain[0]))
-        rooms.append(float(shield.room_m[0]))
-        failed.append(bool(shield.brakes.failed[0]))
-        speed -= 0.1 * promised * (0.5 if k < 25 else 1.0)
-    assert gains[:10] == [1.0] * 10 and gains[20] == pytest.approx(0.5 + 9.81 * 0.01 / promised, abs=0.03)
-    assert rooms[20] < rooms[5] - 20.0 and failed.index(True) <= 18
-    assert gains[30] < 0.8 and gains[-1] > gains[30]
-
-
 def test_brakes_that_keep_a_deceleration_heat_more_downhill():
     """By `descent_share` for each unit of a measured slope and its error; the steepest if unknown."""
     promise, sent = replace(PROMISE, descent_share=1.5), {}

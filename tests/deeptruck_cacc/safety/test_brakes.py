@@ -1,0 +1,64 @@
+"""What the own brakes give is learned, and a policy presses them no faster than it may."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_cacc.safety.brakes import Brakes
+from deeptruck_cacc.safety.promise import GRAVITY, Promise
+from deeptruck_cacc.safety.shield import Shield
+
+PROMISE = Promise()
+
+
+def column(*values: float) -> np.ndarray:
+    return np.array(values, float)
+
+
+def test_brakes_that_give_half_are_learned_within_a_second_and_need_more_room() -> None:
+    """At 3 m/s^2 asked for by a policy the truck slows down by 1.5 m/s^2; once it gives all again, slowly."""
+    shield, speed, share = Shield(PROMISE, 0.0, 100.0), 25.0, 0.6
+    promised = float(PROMISE.least_braking(column(share), column(0.0), column(25.0))[0])
+    gains, rooms, failed = [], [], []
+    for k in range(40):
+        shield.see(column(150.0), column(25.0), column(speed), column(0.0))
+        shield.limit(column(0.0), column(100.0 * share), column(0.0))
+        gains.append(float(shield.brakes.gain[0]))
+        rooms.append(float(shield.room_m[0]))
+        failed.append(bool(shield.brakes.failed[0]))
+        speed -= 0.1 * promised * (0.5 if k < 25 else 1.0)
+    assert gains[:10] == [1.0] * 10 and gains[20] == pytest.approx(0.5 + 9.81 * 0.01 / promised, abs=0.03)
+    assert rooms[20] < rooms[5] - 20.0 and failed.index(True) <= 18
+    assert gains[30] < 0.8 and gains[-1] > gains[30]
+
+
+def judged(share: float, gain: float, grade: float = 0.0, known: bool = True, speed: float = 25.0) -> float:
+    """The gain that is learned in 3 s of a constant share, from brakes that give `gain` on a slope."""
+    brakes = Brakes(PROMISE)
+    promised = float(PROMISE.least_braking(column(share), column(0.0), column(speed))[0])
+    for _ in range(30):
+        brakes.see(column(speed), column(grade if known else np.nan), column(0.0))
+        brakes.sent(column(share))
+        speed -= PROMISE.dt * (promised * gain + GRAVITY * grade)
+    return float(brakes.gain[0])
+
+
+def test_slope_counts_by_what_is_known_of_it_and_weak_commands_say_nothing() -> None:
+    for grade in (-0.05, 0.0, 0.05):
+        assert judged(0.6, 0.5, grade) == pytest.approx(0.5, abs=0.05)
+    assert judged(0.6, 0.9, known=False) == 1.0  # the truck may be on the steepest descent
+    assert judged(0.6, 0.5, known=False) < 0.65
+    assert judged(0.1, 0.0) == 1.0
+    assert judged(0.6, 1.3) == 1.0
+
+
+def test_a_policy_presses_by_the_jerk_and_releases_below_the_bite_at_once() -> None:
+    brakes = Brakes(replace(PROMISE, bite=0.05))
+    brakes.see(column(20.0), column(0.0), column(0.0))
+    step, free = 3.0 * 0.1 / 7.5, column(1.0)
+    sent = [float(brakes.slewed(column(share), free)[0]) for share in (1.0, 1.0, 0.0, 0.0, 0.04, 0.0)]
+    assert sent == pytest.approx([0.05 + step, 0.05 + 2 * step, 0.05 + step, 0.0, 0.04, 0.0])
+    assert np.isnan(brakes.slewed(column(np.nan), free)).all()
