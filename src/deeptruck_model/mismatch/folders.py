@@ -16,7 +16,7 @@ APPLIED = files.Result("a corrected simulator")
 CORRECTED, REFITTED = "simulator", "refitted"  # folders of a run: with forces added, with parameters alone
 AS_GIVEN, REFIT, CORRECTION = "as_given", "parameters_only", "correction"  # `fit.offered` of verdict.json
 PROFILE = "road_grade"  # the name in profiles.csv of a slope that was recovered
-NOT_SIGNIFICANT = "the held-out error does not fall significantly"
+NOT_SIGNIFICANT = "over all drives, fitted ones left out in turn, the error does not fall significantly"
 FIND_FIRST = "run 'deeptruck-model mismatch' first"
 
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.fit_result import Errors
@@ -14,6 +17,9 @@ from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Finding, Verdict
 from deeptruck_model.signals import shown
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,6 +57,33 @@ class Mismatch:
         said = [shown(line, units) for line in lines.lines(self.result)]
         headline = shown(lines.headline(self.result), units)
         return {**self.result.to_json(), "headline": headline, "sentences": said}
+
+    def plot(self, recording: str | None = None) -> Figure:
+        """A figure of what is missing along a recording over time, measured minus simulated acceleration in
+        means of a second, and of what the findings explain, m/s^2. Without a name, along the recording in
+        which they act most. Raises InputError for a recording that was not compared."""
+        from matplotlib.figure import Figure  # seconds, and only for this
+
+        e = self.evidence
+        if e is None:
+            raise InputError("nothing was compared, so that there is nothing to plot")
+        first = self.result.segments[0].recording if self.result.segments else e.drives[0].name
+        drive = next((s for s in e.drives if s.name == (recording or first)), None)
+        if drive is None:
+            raise InputError(
+                f"there is no recording '{recording}'; there are {', '.join(s.name for s in e.drives)}"
+            )
+        rows, mean = drive.rows, max(1, round(1.0 / e.dt))
+        figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+        axes = figure.add_subplot(xlabel="time, s", ylabel="m/s²", title=drive.name)
+        missing = np.where(e.valid[rows], e.residual[rows], np.nan)
+        time = drive.start_s + e.dt * np.arange(len(missing))
+        axes.plot(time, np.convolve(missing, np.full(mean, 1.0 / mean), "same"), color="0.6", label="missing")
+        for f in self.findings:
+            if f.force is not None:
+                axes.plot(time, f.force[rows], label=f.effect.replace("_", " "))
+        axes.legend()
+        return figure
 
     def _repr_html_(self) -> str:
         """The sentences, for a notebook."""

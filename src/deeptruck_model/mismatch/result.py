@@ -148,11 +148,32 @@ class Finding:
     missing_input: str = field(
         default="", metadata=SPARSE
     )  # which was not recorded and may explain it as well
+    in_log: bool = field(default=False, metadata=SPARSE)  # what is missing was recorded, by another sensor
     in_drives: tuple[str, ...] = field(default=(), metadata=SPARSE)  # in which it acts, where not in all
     in_condition: str = field(default="", metadata=SPARSE)  # in which it acts, where not always
     # of the squared speed error, that the budget gives its family
     share_of_error: float | None = field(default=None, metadata=stored(digits=4, sparse=True))
     force: Array | None = field(default=None, compare=False, metadata=HIDDEN)
+
+    @property
+    def by_drive(self) -> dict[str, Size]:
+        """Its size in each drive, where it has one, by the drive's name."""
+        return {name.partition("[")[2][:-1]: x for name, x in self.parameters.items() if is_by_drive(name)}
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """The other names of its credible set."""
+        return tuple(name for name in self.credible_set if name != self.effect)
+
+    @property
+    def may_differ(self) -> bool:
+        """Whether it may differ from drive to drive, so that a correction of all drives does not hold it."""
+        return "recording" in self.depends_on or bool(self.in_drives)
+
+
+def is_by_drive(size: str) -> bool:
+    """Whether a size is that of one drive, `force[monday]`."""
+    return size.endswith("]")
 
 
 @dataclass(frozen=True)

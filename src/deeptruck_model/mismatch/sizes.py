@@ -13,7 +13,7 @@ from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import changed_by
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.result import Size
+from deeptruck_model.mismatch.result import Size, is_by_drive
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -72,7 +72,7 @@ def sizes_of(term: CandidateTerm, p: Posterior, given: Mask) -> dict[str, Size]:
         if of in main
     }
     return {
-        of: x for of, x in out.items() if of.endswith("]") or x.ci95 is None or x.ci95[0] * x.ci95[1] > 0.0
+        of: x for of, x in out.items() if is_by_drive(of) or x.ci95 is None or x.ci95[0] * x.ci95[1] > 0.0
     }
 
 

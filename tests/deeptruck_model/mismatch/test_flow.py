@@ -13,6 +13,7 @@ import pytest
 from small_drives import TRUCK, LazyBrake, drives
 
 from deeptruck_model import mismatch
+from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import Mismatch, find_mismatch
 from deeptruck_model.mismatch.prepare import LEFT_OUT
 from deeptruck_model.mismatch.report import lines
@@ -92,6 +93,19 @@ def test_what_was_written_is_read_again(lazy_brake: Mismatch, tmp_path: Path) ->
     again = mismatch.read(tmp_path / "found").to_json()
     made = {name: lazy_brake.verdict[name] for name in ("regimes", "headline", "sentences")}
     assert again | made == lazy_brake.verdict  # what is made of the rest when it is written
+
+
+def test_what_is_missing_is_plotted_over_time(lazy_brake: Mismatch) -> None:
+    name = lazy_brake.prepared[1].recording.name
+    (axes,) = lazy_brake.plot(name).axes
+    assert axes.get_title() == name
+    legend = axes.get_legend()
+    assert legend is not None
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert labels == ["missing", *(f.effect.replace("_", " ") for f in lazy_brake.findings)]
+    assert lazy_brake.plot().axes[0].get_title() == lazy_brake.result.segments[0].recording
+    with pytest.raises(InputError, match="there is no recording 'x'"):
+        lazy_brake.plot("x")
 
 
 def test_a_notebook_shows_a_line_and_sentences(lazy_brake: Mismatch) -> None:

@@ -20,6 +20,7 @@ from deeptruck_model.mismatch.correction.added import Added, State, TruckWithFor
 from deeptruck_model.mismatch.expression import Expression, Rerun
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, build, saved
 from deeptruck_model.mismatch.mechanisms.carriers import CARRIERS
+from deeptruck_model.mismatch.mechanisms.own import EXTRA
 from deeptruck_model.mismatch.residual import effective_mass
 from deeptruck_model.mismatch.residual.components import Shares, force_of
 from deeptruck_model.mismatch.tree import joined
@@ -101,7 +102,8 @@ class CorrectedTruck:
         """Signals in its terms that the protocol does not carry, such as a gap."""
         inside = self.base.inside(self.base.reset(np.zeros((1, len(self.interface.y)))))
         known, asked = {*self.interface.u, *self.interface.w, *inside}, self.added.signals()
-        return tuple(name for name in EXOGENOUS if name in asked and name not in known)
+        beyond = (*EXOGENOUS, *sorted(name for name in asked if name.startswith(EXTRA)))
+        return tuple(name for name in beyond if name in asked and name not in known)
 
     @property
     def interface(self) -> TruckInterface:

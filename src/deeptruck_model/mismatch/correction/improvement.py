@@ -13,6 +13,7 @@ from deeptruck_model.mismatch.correction.added import TruckWithForces
 from deeptruck_model.mismatch.correction.corrected_truck import EXOGENOUS
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
 from deeptruck_model.mismatch.fit_result import Errors, FreeRunErrors, Improvement, Interval
+from deeptruck_model.mismatch.mechanisms.own import EXTRA
 from deeptruck_model.mismatch.residual.evidence import turns
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.signals import ACCELERATION, SPEED
@@ -113,13 +114,18 @@ def _run(simulator: Simulator | TruckWithForces, rows: Sequence[_Row], steps: in
 
 
 def _common(rows: Sequence[_Row]) -> tuple[str, ...]:
-    """Channels beyond the protocol that all these recordings have."""
-    return tuple(n for n in EXOGENOUS if all(n in row.prepared.recording.channels for row in rows))
+    """Signals beyond the protocol that all these recordings have, among them channels of the user's."""
+    each = [row.prepared.recording.channels for row in rows]
+    own = [EXTRA + name for name in (each[0] if each else ())]
+    return tuple(n for n in (*EXOGENOUS, *own) if all(n.removeprefix(EXTRA) in one for one in each))
 
 
 def _exogenous(rows: Sequence[_Row], length: int) -> dict[str, Array]:
     drives = [row.prepared for row in rows]
-    out = {n: np.stack([padded(p.recording.channels[n], length) for p in drives]) for n in _common(rows)}
+    out = {
+        n: np.stack([padded(p.recording.channels[n.removeprefix(EXTRA)], length) for p in drives])
+        for n in _common(rows)
+    }
     out["place"] = np.stack([padded(p.place(), length) for p in drives])
     if "engine_speed" in out:
         driven = np.stack([padded(p.y[:, SPEED], length) for p in drives])

@@ -12,7 +12,6 @@ from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
 from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.report.wording import (
     BESIDE_MISSING,
-    FELT_SLOPE,
     FELT_STEP,
     ROOT,
     SETTLE,
@@ -125,7 +124,7 @@ def _drive(f: Finding, name: str) -> str:
 
 def _by_drive(f: Finding) -> str:
     """The size in each drive, if it differs between a few."""
-    sizes = {name.partition("[")[2][:-1]: x for name, x in f.parameters.items() if name.endswith("]")}
+    sizes = f.by_drive
     if not 1 < len(sizes) <= MOST_DRIVES or any(x.unit not in ("kg", "N") for x in sizes.values()):
         return ""
     return f" ({', '.join(f'{drive} {x.value:+,.0f} {x.unit}' for drive, x in sizes.items())})"
@@ -154,7 +153,7 @@ def _size(f: Finding) -> Iterator[str]:
             yield interval(error, own.value / (1.0 + error.value), own.unit, sign=True)
         yield interval(error, 100.0, "%", sign=True)
         return
-    by_drive = {name.partition("[")[2][:-1]: x for name, x in f.parameters.items() if name.endswith("]")}
+    by_drive = f.by_drive
     if by_drive and len(by_drive) <= MOST_DRIVES:
         yield from (Said(drive, " ", interval(x, 1.0, x.unit, sign=True)) for drive, x in by_drive.items())
         return
@@ -191,7 +190,7 @@ def _what(f: Finding) -> str:
     if f.kind is Kind.SENSOR and f.stated != ROOT:
         return f"a sensor is wrong, most probably ({percent(f.probability)}) as {f.says}"
     name = spoken(f.effect if f.stated in (ROOT, f.effect) else f.stated)
-    if f.says == FELT_SLOPE and f.stated == f.effect:
+    if f.in_log and f.stated == f.effect:
         return f.says
     if f.stated == ROOT:
         return f"{name} is most probable ({percent(f.probability)})"
@@ -212,10 +211,10 @@ def _next_step(v: Verdict) -> str:
         return "repair the sensor" if v.findings[0].stated != ROOT else "see what to do"
     if v.findings[0].effect == UNKNOWN:
         return v.findings[0].separating_manoeuvre
-    if v.findings[0].says == FELT_SLOPE:
+    if v.findings[0].in_log:
         return FELT_STEP
-    if "recording" in v.findings[0].depends_on:
-        return "adapt the simulator to each drive"
+    if v.findings[0].may_differ:
+        return "adapt the simulator to each drive by 'deeptruck-model adapt'"
     return "see what to do"
 
 
@@ -333,7 +332,7 @@ def how_probable(v: Verdict) -> Iterator[str]:
             f"{' and '.join(map(spoken, x.names)) or 'no mechanism'} {percent(x.probability)}"
             for x in v.explanations[:MOST_SETS]
         ]
-        yield f"Sets that act together: {'; '.join(sets)}."
+        yield f"Sets that act together (a name's probability is the sum of its sets): {'; '.join(sets)}."
 
 
 def candidates(tree: Sequence[Node]) -> str:
@@ -354,9 +353,9 @@ def cause(f: Finding) -> str:
     if f.kind is Kind.SENSOR and f.stated == f.effect:
         return f"{opened(spoken(f.effect))}: {f.says}."
     split = f"{spoken(f.effect)} {percent(f.probability)}"
-    own = [n for n in f.credible_set if FAMILY.get(n, n) == f.family]
+    own = [n for n in f.rivals if FAMILY.get(n, n) == f.family]
     split += f"; else {', '.join(map(spoken, own))}" if own else ""
-    if others := [n for n in f.credible_set if n not in own]:
+    if others := [n for n in f.rivals if n not in own]:
         split += f"; or, of another part, {', '.join(map(spoken, others))}"
     beside = f"; {BESIDE_MISSING[f.missing_input]}" if f.missing_input else ""
     return f"{opened(spoken(f.family))}, {percent(f.family_probability)}: {split}{beside}."
@@ -389,8 +388,8 @@ def what_to_do(v: Verdict) -> Iterator[str]:
             sure = "Repair it at its sensor or clock" if f.stated != ROOT else "Check this"
             yield f"{sure} before you record more: {f.says}."
         elif f.kind is Kind.PARAMETER and not v.validated:
-            yield f"Check the simulator's {PARAMETER_ERRORS[f.effect].says}: {f.says}."
-        elif "recording" in f.depends_on and not v.validated:
+            yield _check(v, f)
+        elif f.may_differ and not v.validated:
             yield (
                 f"{opened(spoken(f.effect))} may differ from drive to drive: if so, set the simulator's "
                 "parameters for each, or estimate what a drive has of its own from its first minutes by "
@@ -402,16 +401,28 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         refit = v.fit is not None and v.fit.offered == REFIT
         if any(f.kind is Kind.SENSOR for f in v.findings):
             yield f"Then apply {'the refitted parameters alone' if refit else 'the correction'}."
-    elif v.kind is Conclusion.NOTHING:
+    elif v.kind is Conclusion.NOTHING and not any(f.kind is Kind.PARAMETER for f in v.findings):
         yield "Use the simulator as it is."
     manoeuvres = dict.fromkeys(
-        f.separating_manoeuvre for f in v.findings if f.separating_manoeuvre and f.credible_set
+        f.separating_manoeuvre for f in v.findings if f.separating_manoeuvre and f.rivals
     )
     yield from (f"{opened(f.separating_manoeuvre)}." for f in v.findings if f.effect == UNKNOWN)
     for manoeuvre in list(manoeuvres)[:2]:
         yield f"To separate the names: {manoeuvre}."
     if v.not_recorded:
         yield "Record what is listed as not recorded, with the signals named there."
+
+
+def _check(v: Verdict, f: Finding) -> str:
+    """What to do about a parameter that may be wrong; for drives in which it hardly matters, nothing."""
+    name = PARAMETER_ERRORS[f.effect].says
+    if v.kind is not Conclusion.NOTHING:
+        return f"Check the simulator's {name}: {f.says}."
+    may = interval(f.parameters["relative_error"], 100.0, "%", sign=True)
+    return Said(
+        f"Use the simulator as it is for such drives. Where its {name} matters more, check it first: "
+        "it may be off by ", may, ".",
+    )  # fmt: skip
 
 
 def lights(v: Verdict) -> list[Light]:

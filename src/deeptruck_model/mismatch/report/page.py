@@ -179,12 +179,17 @@ def errors_say(v: Verdict) -> str:
         change = f"is between {high:.0f} % lower and {-low:.0f} % higher"
     else:
         change = f"rises by {-high:.0f} to {-low:.0f} %"
-    falls = f"{folders.NOT_SIGNIFICANT}; " if low <= 0.0 < high else ""
     together = " by all drives together, the fitted ones left out in turn" if low <= 0.0 else ""
-    passed = f"{falls}{f'validated{together}' if v.fit.validated else 'not validated'}"
+    if v.fit.validated:
+        passed = f"validated{together}"
+    elif low <= 0.0 < high:
+        passed = f"{folders.NOT_SIGNIFICANT}; not validated"
+    else:
+        passed = "not validated" + (f", for the reason at '{lines.QUESTIONS['apply']}'" if low > 0.0 else "")
+    drives = f"{len(v.fit.held_out)} held-out drive{'s' * (len(v.fit.held_out) != 1)}"
     return (
-        f"{v.fit.windows} free runs of {v.fit.horizon_s:.0f} s. The mean error {change} (95 % interval): "
-        f"{passed}."
+        f"{v.fit.windows} free runs of {v.fit.horizon_s:.0f} s on {drives}. There the mean error {change} "
+        f"(95 % interval): {passed}."
     )
 
 

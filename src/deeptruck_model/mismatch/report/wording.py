@@ -46,6 +46,7 @@ ENOUGH = "every input that matters was recorded or stated"
 NOT_DRIVEN = "no held-out recording is long enough for a free run"
 NOT_SIGNIFICANT = f"{folders.NOT_SIGNIFICANT}; record more drives to hold out"
 NOTHING_CORRECTED = "nothing was corrected"
+AS_IT_IS = "the simulator as given is good enough for such drives"
 NOT_BETTER = "the held-out error does not fall"
 
 

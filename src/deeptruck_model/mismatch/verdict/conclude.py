@@ -102,6 +102,7 @@ def _numbers(c: Compared, driven: Validated) -> decide.Numbers:
         beyond_refit=fit.improvement is None or fit.improvement.over_parameters_ci95[0] > 0.0,
         bare=fit.without_exogenous.after if fit.without_exogenous is not None else None,
         is_corrected=bool(fit.corrected),
+        fewer=not fit.corrected_forces and len(fit.corrected_parameters) < len(fit.refit),
         missing=[m.input for m in c.drives.missing],
         doubts=c.drives.doubts,
     )

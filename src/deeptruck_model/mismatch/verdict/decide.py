@@ -27,8 +27,8 @@ class Numbers:
     free of gaps). The `own` error of a learned simulator on its held-out recordings (None if it is not
     learned or not known). Which simulators are significantly `better` than the one as given, and whether the
     corrected one is than the refit (`beyond_refit`); the error of the corrected one without signals beyond
-    the protocol (`bare`, None if it needs none); whether anything `is corrected`, which inputs are `missing`,
-    and `doubts` about those that are there.
+    the protocol (`bare`, None if it needs none); whether anything `is_corrected`, and by `fewer` parameters
+    than the refit and nothing else; which inputs are `missing`, and `doubts` about those that are there.
     """
 
     kinds: Sequence[Kind] = ()
@@ -43,6 +43,7 @@ class Numbers:
     beyond_refit: bool = True
     bare: float | None = None
     is_corrected: bool = False
+    fewer: bool = False
     missing: Sequence[str] = ()
     doubts: Sequence[str] = ()
 
@@ -86,17 +87,26 @@ def uncompared(*, faulty: bool) -> Conclusion:
 def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
     """Of the simulators that are significantly better than the one as given, with or without a name, the one
     with the least error along held-out drives. The correction only if it is better than the refit alone,
-    significantly if that is better too, and without signals that others lack no worse than the one as given.
+    significantly if that is better too, or as good with fewer parameters alone, and without signals that
+    others lack no worse than the one as given.
     If nothing is missing, it must reduce the error by as much as a drift must make to be a finding."""
     errors = {REFIT: n.parameters_only, CORRECTION: n.corrected}
     better = {name: x for name, x in errors.items() if name in n.better}
     equal = REFIT in better and not n.beyond_refit
-    if n.corrected > n.parameters_only or equal or _worse_bare(n, rules):
+    if n.fewer and CORRECTION in better and _as_good(n, rules):
+        better.pop(REFIT, None)
+    elif n.corrected > n.parameters_only or equal or _worse_bare(n, rules):
         better.pop(CORRECTION, None)
     best = min(better, key=lambda name: better[name], default=AS_GIVEN)
     if kind is Conclusion.NOTHING and not n.given - errors.get(best, n.given) > rules.drift:
         return AS_GIVEN
     return best
+
+
+def _as_good(n: Numbers, rules: Rules) -> bool:
+    """Whether the correction is no worse than the refit, beside errors that are too small for a finding."""
+    corrected, refitted = (float(np.hypot(x, rules.drift)) for x in (n.corrected, n.parameters_only))
+    return rules.better * corrected <= refitted
 
 
 def _worse_bare(n: Numbers, rules: Rules) -> bool:
@@ -147,8 +157,10 @@ def _apply(n: Numbers, kind: Conclusion, rules: Rules) -> Advice:
         if Kind.SENSOR in n.kinds:
             return Advice(Answer.UNSURE, wording.after_repair(better, sure=_sensor_is_wrong(n)))
         return Advice(Answer.YES, better)
-    if kind is Conclusion.NOTHING or not n.is_corrected:
+    if not n.is_corrected:
         return Advice(Answer.NO, wording.NOTHING_CORRECTED)
+    if kind is Conclusion.NOTHING:
+        return Advice(Answer.NO, wording.AS_IT_IS)
     if CORRECTION in n.better and n.bare is not None and _worse_bare(n, rules):
         return Advice(Answer.UNSURE, wording.worse_bare(n.given, n.corrected, n.bare))
     if min(n.parameters_only, n.corrected) < n.given:

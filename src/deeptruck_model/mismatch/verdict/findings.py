@@ -70,7 +70,8 @@ def _of_named(
         f = _finding(c, named, Kind.PHYSICS, wording.UNKNOWN_FORCE, named.force)
         return replace(f, separating_manoeuvre=wording.RECORD_MORE)
     m = LIBRARY[name]
-    says = wording.FELT_SLOPE if m.of_input == "grade" and e.has(FELT) else m.says
+    felt = m.of_input == "grade" and e.has(FELT)
+    says = wording.FELT_SLOPE if felt else m.says
     added = correction.forces.get(name) if correction is not None else None
     f = _finding(c, named, Kind(m.kind), says, named.force if added is None else added.force)
     terms = correction.terms if correction is not None else ()
@@ -80,6 +81,7 @@ def _of_named(
     conditional = c.posterior.part(name, CONDITIONAL) >= rules.named
     return replace(
         f,
+        in_log=felt,
         in_condition=_condition(term, e) if term is not None and conditional else "",
         equation=m.equation,
         parameters=sizes,
@@ -192,7 +194,7 @@ def of_fault(f: SensorFault) -> Finding:
     return Finding(
         Kind.SENSOR, f.effect, FAMILY[f.effect], f.effect, f.says, f.equation,
         {"value": Size(f.value, f.unit, ci)}, wording.SENSOR_MANOEUVRE, f.between, FAULT, FAULT,
-        share_of_explainable_error=0.0,
+        credible_set=(f.effect,), share_of_explainable_error=0.0,
     )  # fmt: skip
 
 
@@ -202,7 +204,7 @@ def _finding(c: Compared, named: Named, kind: Kind, says: str, force: Array) -> 
     e, rules, first = c.fitted, c.search.rules, named.name
     family = FAMILY.get(first, first)
     tree = c.names.tree if c.names.tree.names.get(first) == named.tree.names[first] else named.tree
-    rivals = tuple(n for n in named.tree.credible(rules.credible) if n != first)
+    others = (n for n in named.tree.credible(rules.credible) if n != first)
     return Finding(
         kind,
         first,
@@ -215,7 +217,7 @@ def _finding(c: Compared, named: Named, kind: Kind, says: str, force: Array) -> 
         (),
         round(named.tree.names[first], 3),
         round(tree.families[family], 3),
-        rivals,
+        (first, *others),
         evidence_nats=round(named.nats, 1),
         strength=strength(e, force),
         force=force,

@@ -59,6 +59,9 @@ def test_one_of_the_users_is_found_and_kept(file: Path, tmp_path: Path) -> None:
     own = LIBRARY.read(file)
     found = find_mismatch(TRUCK, drives[:2], drives[2:], mechanisms=own)
     assert found.findings[0].effect == "crane_drag" and found.findings[0].family == "air_tyres_road"
+    fit = found.result.fit
+    assert fit is not None and fit.errors is not None  # its own channel is fed to the corrected truck
+    assert fit.errors.after.speed < 0.3 * fit.errors.before.speed
     write(found, tmp_path / "found")
     again = simulators.load(tmp_path / "found" / "simulator")
     assert "crane_drag" in {term.effect for term in again.terms}  # type: ignore[attr-defined]

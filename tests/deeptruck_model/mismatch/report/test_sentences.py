@@ -52,7 +52,9 @@ def driven(low: float, high: float) -> Verdict:
     ],
 )
 def test_a_change_of_the_error_is_said_with_its_direction(low: float, high: float, says: str) -> None:
-    assert f"The mean error {says} (95 % interval)" in page.errors_say(driven(low, high))
+    assert f"1 held-out drive. There the mean error {says} (95 % interval)" in page.errors_say(
+        driven(low, high)
+    )
 
 
 def test_no_significant_change_is_said_as_apply_says_it() -> None:
@@ -218,7 +220,7 @@ def test_sizes_that_differ_between_a_few_drives_are_in_the_first_line() -> None:
     v = Verdict(Conclusion.PHYSICS, (replace(PAYLOAD, parameters=sizes, share_of_error=0.99),))
     assert lines.headline(v) == (
         "Payload change is missing (a -10,864 kg, c +9,760 kg), 99 % of the squared error: "
-        "adapt the simulator to each drive"
+        "adapt the simulator to each drive by 'deeptruck-model adapt'"
     )
     ratios = {name: replace(size, unit="1") for name, size in sizes.items()}
     assert "(a" not in lines.headline(replace(v, findings=(replace(PAYLOAD, parameters=ratios),)))

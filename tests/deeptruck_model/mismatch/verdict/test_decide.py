@@ -61,6 +61,16 @@ def test_a_learned_simulator_may_be_off_by_a_little_more_than_on_its_own_recordi
     assert decide.tolerance(own, RULES) == pytest.approx(expected)
 
 
+def test_of_refits_that_are_as_good_the_one_with_fewer_parameters_is_offered() -> None:
+    both = replace(
+        OFF, better=frozenset({REFIT, CORRECTION}), parameters_only=0.097, corrected=0.1, beyond_refit=False
+    )
+    for fewer, expected in ((False, REFIT), (True, CORRECTION)):
+        assert decide.offered(replace(both, fewer=fewer), Conclusion.PARAMETER, RULES) == expected
+    worse = replace(both, fewer=True, corrected=0.2)
+    assert decide.offered(worse, Conclusion.PARAMETER, RULES) == REFIT
+
+
 def lights(numbers: Numbers) -> dict[str, tuple[Answer, str]]:
     found = decide.advice(numbers, decide.conclusion(numbers, RULES), RULES)
     return {name: (a.answer, a.reason) for name, a in found.items()}
@@ -136,7 +146,7 @@ def test_whether_it_matters_is_the_light_of_the_simulator(
         (
             replace(RIGHT, better=frozenset({CORRECTION}), is_corrected=True),
             Answer.NO,
-            wording.NOTHING_CORRECTED,
+            wording.AS_IT_IS,
         ),
         (replace(PHYSICS, given=NAN), Answer.NO, wording.NOT_DRIVEN),
     ],
