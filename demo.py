@@ -11,8 +11,8 @@ from typing import Annotated
 
 import typer
 
-from deeptruck_model._terminal import console
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.terminal import console
 from examples.demo.display import Display
 from examples.demo.runner import Runner, StepError
 from examples.demo.steps import Settings, chosen, plan, real_data

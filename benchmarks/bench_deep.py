@@ -18,10 +18,10 @@ import harness
 import numpy as np
 import torch
 
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.deep import DeepTruck, Shape, TruckNetwork
 from deeptruck_model.deep.kernels import loss
 from deeptruck_model.deep.network import Scales
-from deeptruck_model.signals import TruckInterface
 
 SEEDS, STEPS, SEQUENCES = 30, 100, 16
 MEAN = np.array([500, 10, 0, 0.1, 12, 8], np.float32)

@@ -18,8 +18,8 @@ from pathlib import Path
 import harness
 import numpy as np
 
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import Recording, read, write_bag
-from deeptruck_model.signals import TruckInterface
 
 CHANNELS = {  # on /truck/twist, accel, status, command, /road and /radar/range
     "speed": 20.0,

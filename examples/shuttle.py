@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.signals import TruckInterface
 
 Array = NDArray[np.float64]
 

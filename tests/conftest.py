@@ -39,7 +39,7 @@ import numpy as np
 from deeptruck_model.deep import DeepTruck, Shape, TruckNetwork
 from deeptruck_model.deep.kernels import loss
 from deeptruck_model.deep.data import Scales
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.signals import TruckInterface
 network = TruckNetwork(Shape(2, 1, 3, 8, 8), Scales(*np.ones((2, 6), np.float32)), 0.1)
 """
 RUN = """

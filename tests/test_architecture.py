@@ -14,7 +14,14 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SOURCES = (ROOT / "src", ROOT / "ros2_ws" / "src" / "deeptruck_nodes")
-OURS = ("deeptruck_model", "deeptruck_exam", "deeptruck_cacc", "truck_bridge", "deeptruck_nodes")
+OURS = (
+    "deeptruck_core",
+    "deeptruck_model",
+    "deeptruck_exam",
+    "deeptruck_cacc",
+    "truck_bridge",
+    "deeptruck_nodes",
+)
 ROS = {
     "rclpy", "ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "lifecycle_msgs",
     "rcl_interfaces", "rosgraph_msgs", "sensor_msgs", "std_msgs", "std_srvs",
@@ -123,7 +130,7 @@ def test_the_safety_core_stands_alone() -> None:
 FLOOR = tuple(
     f"deeptruck_model.{name}"
     for name in (
-        "_io", "_imports", "_terminal", "checks", "constants", "errors", "files", "vehicle_kinds",
+        "checks", "results",
         "recordings.tables.curve_file", "recordings.tables.table_file", "recordings.tables.csv_text",
         "recordings.tables.row_keys", "recordings.tables.mat_file", "recordings.tables.column",
         "recordings.tables.header_words",
@@ -132,6 +139,18 @@ FLOOR = tuple(
         "outside.reference", "outside.saved", "outside.truck",
     )
 )  # fmt: skip
+
+
+def test_the_core_imports_nothing_else_of_ours_and_nobody_imports_what_is_private() -> None:
+    core = {other for name in MODULES if within(name, "deeptruck_core") for other in imports()[name]}
+    assert not {other for other in core if within(other, *OURS) and not within(other, "deeptruck_core")}
+    foreign = {
+        (name, other)
+        for name in MODULES
+        for other in imports()[name]
+        if within(other, *OURS) and other.partition(".")[0] != name.partition(".")[0]
+    }
+    assert not {(n, o) for n, o in foreign if any(part.startswith("_") for part in o.split("."))}
 
 
 def test_the_emulator_is_the_only_window_between_bridge_and_model() -> None:
@@ -148,7 +167,7 @@ def test_the_emulator_is_the_only_window_between_bridge_and_model() -> None:
 
 
 def test_the_floor_imports_no_room() -> None:
-    floor = (*FLOOR, "deeptruck_model.pages", "deeptruck_model.signals")
+    floor = ("deeptruck_core", *FLOOR)
     above = {
         (name, other)
         for name in MODULES
@@ -161,7 +180,7 @@ def test_the_floor_imports_no_room() -> None:
 def test_the_exam_shares_no_code_with_the_tool() -> None:
     """Effects are planted by other code than the one that names them; only the vocabulary is common."""
     found = {o for n in MODULES if within(n, "deeptruck_exam") for o in imports()[n]}
-    assert "deeptruck_model.signals" in found
+    assert "deeptruck_core.signals" in found
     assert not {name for name in found if within(name, "deeptruck_model.mismatch", "deeptruck_model.cli")}
 
 

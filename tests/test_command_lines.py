@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 import deeptruck_cacc.cli
 import truck_bridge.cli
+from deeptruck_core.terminal import console
 from deeptruck_model import cli
-from deeptruck_model._terminal import console
 from deeptruck_nodes import replay_recording, start_simulation, start_vehicle
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import yaml
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))  # `examples` is no part of the installed packages
@@ -150,8 +150,8 @@ def test_what_is_done_is_kept_until_something_before_it_changes(
 TOY = """
 import sys
 from pathlib import Path
-from deeptruck_model import files
-from deeptruck_model.errors import InputError
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
 try:
     with files.Result("a toy").replacing(Path(sys.argv[1]), overwrite=sys.argv[2] == "--overwrite") as draft:
         (draft / "toy").touch()

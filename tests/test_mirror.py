@@ -18,9 +18,9 @@ deeptruck_exam.laws: air brakes commands driveline engine load | deeptruck_exam/
 deeptruck_exam.laws: road sensors series tyres unknown | deeptruck_exam/laws/test_catalogue.py
 deeptruck_exam.plants: simulators | deeptruck_exam/plants/test_plants.py
 deeptruck_exam.worlds: drive drivers | deeptruck_exam/worlds/test_worlds.py
-deeptruck_model._imports: lazy | deeptruck_model/checks/test_calls.py
-deeptruck_model._imports: entry_points | deeptruck_model/test_checks.py
-deeptruck_model._io: formats frame_rows reading | readers/test_readers.py
+deeptruck_core.imports: lazy | deeptruck_model/checks/test_calls.py
+deeptruck_core.imports: entry_points | deeptruck_model/test_checks.py
+deeptruck_core: formats frame_rows reading | readers/test_readers.py
 deeptruck_model.checks: bags compatibility simulators | deeptruck_model/test_checks.py
 deeptruck_model.cli: inputs | deeptruck_model/cli/test_topics.py
 deeptruck_model.cli: fleet | deeptruck_model/fleet/test_compare.py
@@ -38,7 +38,7 @@ deeptruck_model.mismatch.mechanisms: driveline engine | deeptruck_model/mismatch
 deeptruck_model.mismatch.mechanisms: engine_drag load | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
 deeptruck_model.mismatch.mechanisms: road | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
 deeptruck_model.mismatch.residual: shift_moment | deeptruck_model/mismatch/residual/test_residual.py
-deeptruck_model.pages: document style | deeptruck_model/compare/test_comparison.py
+deeptruck_core.pages: document style | deeptruck_model/compare/test_comparison.py
 deeptruck_model.recordings: bag_file bag_storage | deeptruck_model/recordings/test_bad_bags.py
 deeptruck_model.recordings: mcap_chunks message_definitions | deeptruck_model/recordings/test_bad_bags.py
 deeptruck_model.recordings: recording_figure | deeptruck_model/recordings/test_recording.py
@@ -79,7 +79,7 @@ def imported(path: Path) -> set[str]:
 def test_every_source_file_has_a_test_or_is_run_by_one_that_is_listed() -> None:
     own = set().union(*(imported(p) for p in TESTS.rglob("*.py")))
     alone = set()
-    for package in ("deeptruck_model", "deeptruck_exam", "deeptruck_cacc", "truck_bridge"):
+    for package in ("deeptruck_core", "deeptruck_model", "deeptruck_exam", "deeptruck_cacc", "truck_bridge"):
         for path in (SOURCE / package).rglob("*.py"):
             place = path.relative_to(SOURCE).with_suffix("")
             module = ".".join(place.parts)

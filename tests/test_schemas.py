@@ -14,11 +14,11 @@ import jsonschema
 import pytest
 import yaml
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import CHANNELS
 from deeptruck_model.recordings import topic_map
 from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.recordings.units import conversion, known_units
-from deeptruck_model.signals import CHANNELS
 from truck_bridge import vehicles
 
 ROOT = Path(__file__).parents[1]

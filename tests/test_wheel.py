@@ -17,7 +17,14 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 NODES = Path("ros2_ws/src/deeptruck_nodes")
-PACKAGES = {"deeptruck_model", "deeptruck_exam", "deeptruck_cacc", "truck_bridge", "deeptruck_nodes"}
+PACKAGES = {
+    "deeptruck_core",
+    "deeptruck_model",
+    "deeptruck_exam",
+    "deeptruck_cacc",
+    "truck_bridge",
+    "deeptruck_nodes",
+}
 SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
 LEFTOVERS = ("__pycache__", "*.egg-info", "build")
 COLUMNS = """

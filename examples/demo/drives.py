@@ -10,8 +10,9 @@ import numpy as np
 import typer
 import yaml
 
-from deeptruck_model import files, trucks
-from deeptruck_model._terminal import console
+from deeptruck_core import files
+from deeptruck_core.terminal import console
+from deeptruck_model import trucks
 from deeptruck_model.mismatch.strength import acts
 from deeptruck_model.recordings import write_bag
 from deeptruck_model.trucks import driving_cycles

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from deeptruck_model.pages.style import GUIDE, MODELLED, RECORDED, WIDTH_IN, plain_log, styled
+from deeptruck_core.pages.style import GUIDE, MODELLED, RECORDED, WIDTH_IN, plain_log, styled
 from examples.demo.following import Following
 
 FOUND = "#D55E00"

@@ -15,9 +15,9 @@ import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from deeptruck_model import files, pages
-from deeptruck_model.pages import style
-from deeptruck_model.signals import sensible
+from deeptruck_core import files, pages
+from deeptruck_core.pages import style
+from deeptruck_core.signals import sensible
 from examples.demo import figures, following
 from examples.demo.runner import Progress
 from examples.demo.steps import ROOT

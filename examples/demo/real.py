@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from deeptruck_model import files
-from deeptruck_model._terminal import console
+from deeptruck_core import files
+from deeptruck_core.terminal import console
 from deeptruck_model.recordings import import_table, split, write_bag
 
 COLUMNS = Path(__file__).parents[2] / "layouts" / "columns" / "veh002.yaml"

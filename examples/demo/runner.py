@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model import files
+from deeptruck_core import files
 from examples.demo.steps import Step
 
 POLL_S = 0.2

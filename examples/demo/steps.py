@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 REAL_TABLE = Path("vt_heavy_truck") / "veh002_all.csv"

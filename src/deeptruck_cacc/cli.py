@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import deeptruck_model._terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
+import deeptruck_core.terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
 
 # isort: split
 from enum import StrEnum
@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deeptruck_model import files
-from deeptruck_model._terminal import console
-from deeptruck_model._terminal.progress import progress
-from deeptruck_model.errors import InputError
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_core.terminal import console
+from deeptruck_core.terminal.progress import progress
 
 if TYPE_CHECKING:
     from deeptruck_cacc.controllers.policy import MlpPolicy
@@ -95,7 +95,7 @@ def train(
     """
     from deeptruck_cacc import training
     from deeptruck_model import checks
-    from deeptruck_model._io.results import apart
+    from deeptruck_model.results import apart
 
     settings = partial(_config, trainer, seed, seeds, iterations, scene, memory, printed_reward)
     place = partial(training.check_place, out, resume=resume, overwrite=overwrite)
@@ -118,8 +118,8 @@ def _trained(
     simulator: str, out: Path, trainer: str, config: Config, resume: bool, overwrite: bool
 ) -> MlpPolicy:
     from deeptruck_cacc import training
+    from deeptruck_core.terminal.progress import bar
     from deeptruck_model import simulators
-    from deeptruck_model._terminal.progress import bar
 
     truck = simulators.load(simulator)
     with bar("training") as show:
@@ -185,7 +185,7 @@ def export(
     """
     from deeptruck_cacc.controllers.loading import load_trained
     from deeptruck_model import checks
-    from deeptruck_model._io.results import apart
+    from deeptruck_model.results import apart
 
     if policy.startswith(("baseline:", "planner:")):
         raise InputError(f"{policy} is not a trained policy; only those have an ONNX form")
@@ -223,7 +223,7 @@ def sweep(
 
     from deeptruck_cacc.training import sweep as sweeping
     from deeptruck_model import checks
-    from deeptruck_model._io.results import apart
+    from deeptruck_model.results import apart
     from deeptruck_model.sweeps import read_grid
 
     kind, again = trainer.value, {"resume": resume, "overwrite": overwrite}

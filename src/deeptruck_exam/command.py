@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from deeptruck_core.errors import InputError
 from deeptruck_exam.cases.case import make_case
 from deeptruck_exam.cases.levels import LEVELS
 from deeptruck_exam.cases.plan import MINUTES
@@ -22,7 +23,6 @@ from deeptruck_exam.jobs import Job, run_jobs
 from deeptruck_exam.laws import EFFECTS
 from deeptruck_exam.run import examine
 from deeptruck_exam.scoring.page import write_page
-from deeptruck_model.errors import InputError
 
 REPORT_SEED = 100_000
 NULL_FACTOR = 5  # nulls need numbers: a false alarm in fifty cannot be seen in forty

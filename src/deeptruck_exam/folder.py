@@ -5,9 +5,9 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from deeptruck_model._io.results import apart
-from deeptruck_model.errors import InputError
-from deeptruck_model.files import Result
+from deeptruck_core.errors import InputError
+from deeptruck_core.files import Result
+from deeptruck_model.results import apart
 
 CASE = Result("an examined case", "choose another folder")
 PROOF = Result("a proof")

@@ -11,9 +11,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from deeptruck_core.terminal.progress import bar
 from deeptruck_exam.cases.plan import MINUTES
 from deeptruck_model import sweeps
-from deeptruck_model._terminal.progress import bar
 
 A_CASE = "about a minute each with a physics truck, longer with a learned one; a stopped run goes on"
 Work = TypeVar("Work")

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_core import files
 from deeptruck_exam.cases.absorption import retune
 from deeptruck_exam.cases.case import Case, make_case, open_truth
 from deeptruck_exam.cases.plan import MINUTES
@@ -19,7 +20,7 @@ from deeptruck_exam.scoring import score
 from deeptruck_exam.scoring.evaluation import arrays, open_loop
 from deeptruck_exam.tool import ToolRun, run_tool
 from deeptruck_exam.worlds.trucks import TUNABLE
-from deeptruck_model import files, simulators
+from deeptruck_model import simulators
 from deeptruck_model.recordings import Recording, read
 from deeptruck_model.trucks import PhysicsTruck
 

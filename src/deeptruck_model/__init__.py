@@ -14,7 +14,7 @@ Paths are `str` or `Path`. Each name is loaded at its first use. Bad input raise
 
 from typing import TYPE_CHECKING, Any
 
-from deeptruck_model._imports import lazy
+from deeptruck_core.imports import lazy
 
 if TYPE_CHECKING:
     from deeptruck_model.deep.report import evaluate

@@ -1,19 +1,5 @@
-"""The error for invalid input."""
+"""The errors of `deeptruck_core.errors`, under the name that they had."""
 
-from __future__ import annotations
+from deeptruck_core.errors import InputError, MisfitsError
 
-
-class InputError(ValueError):
-    """The user's input cannot be used. The message is one line: the error and its remedy.
-
-    Console scripts print it and exit with code 2.
-    """
-
-
-class MisfitsError(InputError):
-    """Several input errors, in one line; `found` has each."""
-
-    def __init__(self, found: list[str]) -> None:
-        listed = " ".join(f"({number}) {text}" for number, text in enumerate(found, 1))
-        super().__init__(f"{len(found)} things do not fit: {listed}")
-        self.found = found
+__all__ = ["InputError", "MisfitsError"]

@@ -15,8 +15,8 @@ from multiprocessing import get_context, parent_process
 from threading import Thread
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from deeptruck_model._terminal import interrupts
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.terminal import interrupts
 
 Settings = dict[str, Any]
 Job = TypeVar("Job")

@@ -1,6 +1,6 @@
 """The J1939 signals for deeptruck's channels, in order of preference, and their conversion to SI.
 
-Names and units are those of deeptruck_model.signals; this package does not import it.
+Names and units are those of deeptruck_core.signals; this package does not import it.
 """
 
 from __future__ import annotations

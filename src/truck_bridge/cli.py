@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import deeptruck_model._terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
+import deeptruck_core.terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
 
 # isort: split
 import functools
@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from deeptruck_core.account import Account
+from deeptruck_core.terminal import console
 from deeptruck_model import checks
-from deeptruck_model._io.account import Account
-from deeptruck_model._terminal import console
 from truck_bridge import log_files
 
 if TYPE_CHECKING:

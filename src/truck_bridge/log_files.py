@@ -5,10 +5,10 @@ from __future__ import annotations
 import importlib.util
 from pathlib import Path
 
-from deeptruck_model import files
-from deeptruck_model._io.formats import KINDS, WRITABLE, Kind, check_measurement, format_of, suffix_of
-from deeptruck_model._io.reading import typed
-from deeptruck_model.errors import InputError
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_core.formats import KINDS, WRITABLE, Kind, check_measurement, format_of, suffix_of
+from deeptruck_core.reading import typed
 
 MF4 = ".mf4"
 FLUSH_S = 0.5  # what a recorder took before survives a kill -9

@@ -11,8 +11,8 @@ import pytest
 import torch
 
 from deeptruck_cacc.training import validation
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 
 TOY = TruckInterface("toy")
 

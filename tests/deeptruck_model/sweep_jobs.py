@@ -7,7 +7,7 @@ import signal
 import time
 from pathlib import Path
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 VICTIM, HALF = "seed-1", 10  # updates after which the victim waits to be killed
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import checks, simulators, trucks
 from deeptruck_model.checks.compatibility import Given, Taken, misfits
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, write_bag
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
-from deeptruck_model.signals import TruckInterface
 
 TRUCK = TruckInterface("trucksim")
 

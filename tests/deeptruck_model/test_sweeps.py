@@ -17,11 +17,12 @@ import pytest
 from safetensors.numpy import load_file
 from typer.testing import CliRunner
 
-from deeptruck_model import files, sweeps
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_model import sweeps
 from deeptruck_model.cli import whole
 from deeptruck_model.deep import Arguments, sweep
 from deeptruck_model.deep.arguments import OPTIONS
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import write_bag
 from deeptruck_model.trucks import load
 from deeptruck_model.trucks.driving_cycles import drive

@@ -14,9 +14,9 @@ from typing import Any
 from deeptruck_cacc.controllers.policy import POLICY
 from deeptruck_cacc.evaluation import output
 from deeptruck_cacc.training import sweep as policy_sweep
+from deeptruck_core.files import MARKER, Result, unfinished
 from deeptruck_exam.folder import CASE, PLANT, PROOF, REAL
-from deeptruck_model._io import results
-from deeptruck_model.files import MARKER, Result, unfinished
+from deeptruck_model import results
 from deeptruck_model.mismatch import folders
 from deeptruck_nodes import bag_place
 from examples.demo import drives, real

@@ -15,9 +15,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from lost_files import ERRORS, KINDS, OWN, RECORDED, RESUMABLE, Place, place
 
-from deeptruck_model import files
-from deeptruck_model.errors import InputError
-from deeptruck_model.files import MARKER, Result
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_core.files import MARKER, Result
 
 ROOT = Path(__file__).parents[2]
 SHAPES = ("file", "read-only", "link", "link to a folder", "folder")
@@ -165,8 +165,8 @@ def called(node: ast.Call) -> str:
 
 # Who else may delete or rename, and what: each its own work of the same run, or what it knows as its own.
 ALLOWED = {
-    "deeptruck_model/files/results.py": "the rule itself",
-    "deeptruck_model/files/single.py": "its own draft",
+    "deeptruck_core/files/results.py": "the rule itself",
+    "deeptruck_core/files/single.py": "its own draft",
     "deeptruck_model/recordings/crash_safe.py": "metadata.yaml of the bag that it has just made",
     "deeptruck_model/recordings/mcap_repair.py": "the repaired bag; what was cut off or replaced is kept",
     "deeptruck_model/fleet/storage.py": "its own drafts, and a truck's earlier result that its receipt names",

@@ -13,14 +13,14 @@ import typer
 import deeptruck_cacc.cli
 import deeptruck_model.cli
 import truck_bridge.cli
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_core.files import MARKER, OVERWRITE_HELP
 from deeptruck_exam.folder import CASE, clear
 from deeptruck_exam.run import examine
-from deeptruck_model import files, trucks
-from deeptruck_model._io import results
+from deeptruck_model import results, trucks
 from deeptruck_model.cli import whole
 from deeptruck_model.deep.sweep import sweep
-from deeptruck_model.errors import InputError
-from deeptruck_model.files import MARKER, OVERWRITE_HELP
 
 FOLDERS = (
     "deeptruck-model import none.csv --columns none.yaml --out out",

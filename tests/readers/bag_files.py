@@ -14,9 +14,9 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import Recording, read, suggest, write_bag
 from deeptruck_model.recordings.bag_metadata import definition
-from deeptruck_model.signals import TruckInterface
 
 S = 1_000_000_000
 TRUCK = TruckInterface("toy")

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_model.errors import InputError as ModelError
+from deeptruck_core.errors import InputError as ModelError
 from truck_bridge.errors import InputError as BridgeError
 
 SECONDS = 10.0  # after which a reader hangs

@@ -10,7 +10,7 @@ import pytest
 from damage import BYTES, OTHER, REFUSED, Reader, fuzz, judge, limited, mutants, same
 from kinds import READERS
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 SHORT, LONG = 20, 1000
 every_reader = pytest.mark.parametrize("reader", READERS, ids=[reader.name for reader in READERS])

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_nodes import environment
 
 sys.path.append(str(Path(__file__).parent))  # page_browser.py stands beside the tests

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter, repair
 from deeptruck_nodes import bag_place
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_nodes import environment
 
 

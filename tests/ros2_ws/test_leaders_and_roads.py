@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.roads.shared_roads import CELL_DEG
 from deeptruck_model.recordings import write_bag
 from deeptruck_model.trucks import driving_cycles

@@ -11,13 +11,13 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import simulators
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import adapt
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import NAMES
 from deeptruck_model.recordings import read
-from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import run_checks
 
 TRUCK = ("--simulator", "truck:trucksim", "--policy", "baseline:acc", "--lockstep", "--duration", 40)

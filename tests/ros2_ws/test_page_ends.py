@@ -9,7 +9,7 @@ import page_browser
 import pytest
 from page_browser import Page
 
-from deeptruck_model.pages import local
+from deeptruck_core.pages import local
 from deeptruck_nodes.page import assets
 from deeptruck_nodes.page.live import Link, Live
 from deeptruck_nodes.page.server import Server, Stream

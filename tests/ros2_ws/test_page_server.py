@@ -12,9 +12,9 @@ from contextlib import ExitStack, contextmanager, suppress
 
 import pytest
 
-from deeptruck_model.errors import InputError
-from deeptruck_model.pages import local
-from deeptruck_model.pages.local import CONNECTIONS, PATIENCE
+from deeptruck_core.errors import InputError
+from deeptruck_core.pages import local
+from deeptruck_core.pages.local import CONNECTIONS, PATIENCE
 from deeptruck_nodes.page import assets, place
 from deeptruck_nodes.page.server import ROOM, Server, Stream, Viewer
 

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
-from deeptruck_model.errors import InputError
 from deeptruck_nodes import roads
 from deeptruck_nodes.plant import Plant
 from deeptruck_nodes.truck_sim import ticks_a_step

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 import yaml
 
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import checks
 from deeptruck_model.recordings import Recording, data_hash, read, write_bag
 from deeptruck_model.recordings.bag_source import BagSource
-from deeptruck_model.signals import TruckInterface
 
 TRUCK = TruckInterface("scania", "percent", "bar", vehicle="bus", mass_kg=17500.0)
 NOTES = ("elevation shifted by 3 m", "vehicle number YS2R4X20001234567")

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from deeptruck_model.errors import InputError
-from deeptruck_model.pages import local
+from deeptruck_core.errors import InputError
+from deeptruck_core.pages import local
 from deeptruck_model.recordings import CrashSafeWriter
 from deeptruck_nodes import bag_place, leaders, runs, start_simulation
 from deeptruck_nodes.supervisor import Program

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from deeptruck_core.signals import CHANNELS, FAULTS
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
-from deeptruck_model.signals import CHANNELS, FAULTS
 from deeptruck_nodes import parameters
 from deeptruck_nodes.topics import RECORDED, TOPICS, Topic, expected_subscribers
 

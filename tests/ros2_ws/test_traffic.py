@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import recordings
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_source import BagSource
 from deeptruck_nodes import leaders, run_checks
 from deeptruck_nodes.traffic import SCENARIOS, STEP, Sumo, Traffic, TrafficEnded

@@ -26,7 +26,7 @@ from fault_chain import LOST_S, NAMES, RADAR, STEP, Chain, Lane, Object, Reading
 from fault_lies import Lie
 from fault_road import loaded
 
-from deeptruck_model.signals import SPEED
+from deeptruck_core.signals import SPEED
 from deeptruck_model.simulators import load as load_truck
 from deeptruck_nodes.following import CONTRADICTED_S
 from deeptruck_nodes.leaders import Leader, Random, Sine

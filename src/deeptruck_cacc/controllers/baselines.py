@@ -12,8 +12,8 @@ from deeptruck_cacc.controllers.law import LEAST_SPEED, Law, Perception, Seen
 from deeptruck_cacc.controllers.mpc import mpc
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import Observation
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from deeptruck_cacc.controllers.law import Seen
 from deeptruck_cacc.controllers.policy import TYPICAL, Observation
 from deeptruck_cacc.controllers.road_ahead import AHEAD, AHEAD_M
 from deeptruck_cacc.controllers.signed_pedal import SignedPedal
-from deeptruck_model._imports.compiler import numba
+from deeptruck_core.imports.compiler import numba
 
 Array = NDArray[np.float64]
 compiled: Any = numba.njit(cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.controllers.signed_pedal import pedal_commands
-from deeptruck_model._imports.compiler import numba
-from deeptruck_model.constants import ROUNDED_GRAVITY
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import ACCELERATION, FUEL, SPEED
+from deeptruck_core.constants import ROUNDED_GRAVITY
+from deeptruck_core.errors import InputError
+from deeptruck_core.imports.compiler import numba
+from deeptruck_core.signals import ACCELERATION, FUEL, SPEED
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]

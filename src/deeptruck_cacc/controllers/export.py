@@ -30,8 +30,8 @@ from deeptruck_cacc.controllers.scaling import (
     ActionScale,
     FeatureMap,
 )
-from deeptruck_model import files
-from deeptruck_model.constants import ROUNDED_GRAVITY
+from deeptruck_core import files
+from deeptruck_core.constants import ROUNDED_GRAVITY
 
 Array = NDArray[np.float64]
 

@@ -18,10 +18,9 @@ from deeptruck_cacc.controllers.baselines import baseline
 from deeptruck_cacc.controllers.onnx_policy import SUFFIX, load_onnx
 from deeptruck_cacc.controllers.policy import MANIFEST, TYPICAL, WEIGHTS, MlpPolicy, Policy
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
-from deeptruck_model import files
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core import files, reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 
 Array = NDArray[np.float64]
 

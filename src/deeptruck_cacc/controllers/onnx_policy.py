@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.policy import TYPICAL, Observation
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, observed
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.scaling import ActionScale
-from deeptruck_model.constants import ROUNDED_GRAVITY
-from deeptruck_model.signals import SPEED, TruckInterface
+from deeptruck_core.constants import ROUNDED_GRAVITY
+from deeptruck_core.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]

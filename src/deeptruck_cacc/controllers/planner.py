@@ -20,7 +20,7 @@ from deeptruck_cacc.controllers.approach import approach
 from deeptruck_cacc.controllers.law import LEAST_GAP_M, Seen
 from deeptruck_cacc.controllers.policy import TYPICAL, Observation
 from deeptruck_cacc.controllers.signed_pedal import SignedPedal, pedal_commands
-from deeptruck_model.signals import SPEED
+from deeptruck_core.signals import SPEED
 
 Array = NDArray[np.float64]
 

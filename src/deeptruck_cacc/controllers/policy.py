@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from safetensors.numpy import save as to_bytes
 
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap, paper_signals
-from deeptruck_model import files
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core import files, reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 
 Array = NDArray[np.float64]
 Observation = Mapping[str, Any]

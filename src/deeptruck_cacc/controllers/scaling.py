@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.approach import approach
 from deeptruck_cacc.controllers.radar_filter import RadarFilter
-from deeptruck_model.constants import ROUNDED_GRAVITY
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.constants import ROUNDED_GRAVITY
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from deeptruck_cacc.controllers.law import Perception, Seen
 from deeptruck_cacc.controllers.policy import Observation
 from deeptruck_cacc.controllers.scaling import ActionScale
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]

@@ -20,8 +20,8 @@ from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.environment import PATH, CaccEnv
 from deeptruck_cacc.environments.registration import register
 from deeptruck_cacc.environments.reward import Reward
+from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
-from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
 
 REACH = 50.0

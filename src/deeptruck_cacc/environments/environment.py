@@ -11,8 +11,8 @@ from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.reward import Reward
 from deeptruck_cacc.environments.scenes import Drawer, Scene
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import ACCELERATION, FUEL, SPEED
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import ACCELERATION, FUEL, SPEED
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]

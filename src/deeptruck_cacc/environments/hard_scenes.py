@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.environments.scenes import Drawer, Scene, graded, moving, paper, rolling_road, wide
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from deeptruck_cacc.environments.adapters import CaccGymEnv
 from deeptruck_cacc.safety.promise import Promise
 from deeptruck_cacc.safety.shield import Shield
 from deeptruck_cacc.safety.truck_limits import known
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 Floats = NDArray[np.float32]
 

@@ -11,8 +11,8 @@ from matplotlib.ticker import MaxNLocator
 
 from deeptruck_cacc.environments.rollouts import Trace
 from deeptruck_cacc.evaluation import metrics
-from deeptruck_model.pages.style import GUIDE, MODELLED, RECORDED, WIDTH_IN, plain_log, png, styled
-from deeptruck_model.signals import TruckInterface, printed
+from deeptruck_core.pages.style import GUIDE, MODELLED, RECORDED, WIDTH_IN, plain_log, png, styled
+from deeptruck_core.signals import TruckInterface, printed
 
 
 @styled()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.environments.rollouts import Trace
 from deeptruck_cacc.environments.scenes import Scene
-from deeptruck_model.constants import ROUNDED_GRAVITY
+from deeptruck_core.constants import ROUNDED_GRAVITY
 
 Array = NDArray[np.float64]
 

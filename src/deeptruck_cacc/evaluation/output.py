@@ -7,9 +7,10 @@ from pathlib import Path
 
 from deeptruck_cacc.controllers.loading import PLANNER, load_policy
 from deeptruck_cacc.controllers.policy import Policy
-from deeptruck_model import checks, files
-from deeptruck_model._io.results import apart
-from deeptruck_model.errors import InputError
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_model import checks
+from deeptruck_model.results import apart
 
 METRICS, CURVE, STABILITY = "metrics.json", "learning_curve.png", "string_stability.png"
 PAGE = "evaluation.html"

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from deeptruck_cacc.evaluation import overview
-from deeptruck_model.pages.document import Folded, Picture, Table, document
-from deeptruck_model.signals import sensible
+from deeptruck_core.pages.document import Folded, Picture, Table, document
+from deeptruck_core.signals import sensible
 
 FIRST = "long_following"  # the picture to begin with
 PICTURES = {

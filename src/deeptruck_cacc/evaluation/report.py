@@ -36,9 +36,9 @@ from deeptruck_cacc.evaluation.page import page
 from deeptruck_cacc.safety import guard as guards
 from deeptruck_cacc.safety import truck_limits
 from deeptruck_cacc.safety.promise import Promise
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import simulators
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import Simulator
 
 Say = Callable[[str], None]

@@ -21,8 +21,8 @@ from deeptruck_cacc.safety.promise import Promise
 from deeptruck_cacc.safety.shield import Shield
 from deeptruck_cacc.safety.track import Tracker
 from deeptruck_cacc.safety.truck_limits import known, measure
+from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model import simulators
-from deeptruck_model.signals import CHANNELS, TruckInterface
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.safety.promise import Promise
 from deeptruck_cacc.safety.proof import hardest_braking_when_lost
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import SPEED, TruckInterface
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator, load
 
 Array = NDArray[np.float64]

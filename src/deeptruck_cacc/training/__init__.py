@@ -20,8 +20,8 @@ from deeptruck_cacc.training.identity import (
     refuse_another,
 )
 from deeptruck_cacc.training.settings import AnalyticConfig, Config, TrpoConfig, settled
-from deeptruck_model.errors import InputError
-from deeptruck_model.files import unfinished
+from deeptruck_core.errors import InputError
+from deeptruck_core.files import unfinished
 
 if TYPE_CHECKING:
     from deeptruck_model.simulators import Simulator

@@ -35,8 +35,8 @@ from deeptruck_cacc.training.progress import (
 )
 from deeptruck_cacc.training.road import Road, Traffic, detach
 from deeptruck_cacc.training.settings import AnalyticConfig, settled
+from deeptruck_core.errors import InputError
 from deeptruck_model.deep.card import git_hash
-from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
 
 

@@ -13,8 +13,8 @@ from safetensors import SafetensorError, safe_open
 
 from deeptruck_cacc.controllers.loading import read_manifest
 from deeptruck_cacc.controllers.policy import MANIFEST
-from deeptruck_model.errors import InputError
-from deeptruck_model.files import unfinished
+from deeptruck_core.errors import InputError
+from deeptruck_core.files import unfinished
 from deeptruck_model.outside.reference import is_outside, refer
 
 CHECKPOINT = Path("checkpoint") / "state.safetensors"

@@ -14,8 +14,8 @@ import torch
 from torch import Tensor
 
 from deeptruck_cacc.controllers.pedals import PedalMap
-from deeptruck_model.constants import ROUNDED_GRAVITY
-from deeptruck_model.signals import ACCELERATION, FUEL, SPEED, TruckInterface
+from deeptruck_core.constants import ROUNDED_GRAVITY
+from deeptruck_core.signals import ACCELERATION, FUEL, SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
 
 LAG_S = 0.4  # of engine and brakes together; the gradient need not know it well

@@ -27,8 +27,8 @@ from deeptruck_cacc.controllers.scaling import (
     ActionScale,
     FeatureMap,
 )
-from deeptruck_model.constants import ROUNDED_GRAVITY
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.constants import ROUNDED_GRAVITY
+from deeptruck_core.signals import TruckInterface
 
 # Scales at which a follower starts through the tanh of three layers; the brake's is small, so that it brakes
 # in proportion.

@@ -14,9 +14,9 @@ from torch import Tensor
 
 from deeptruck_cacc.controllers.policy import CORRECT_IT, GO_ON
 from deeptruck_cacc.training.identity import CHECKPOINT, differences, facts_of, refuse_another
-from deeptruck_model import files
-from deeptruck_model._terminal.progress import board
-from deeptruck_model.errors import InputError
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_core.terminal.progress import board
 
 
 def save_checkpoint(out: Path, tensors: dict[str, Tensor], facts: dict[str, Any]) -> None:

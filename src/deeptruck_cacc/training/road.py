@@ -14,7 +14,7 @@ from deeptruck_cacc.controllers.approach import approach
 from deeptruck_cacc.environments.reward import Reward, shaped_square
 from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_cacc.training.network import SeedBatch
-from deeptruck_model.signals import SPEED
+from deeptruck_core.signals import SPEED
 from deeptruck_model.simulators import Simulator
 
 

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from math import inf
 
 from deeptruck_cacc.environments import scenes
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 MOST_RATE = 1e30  # beyond, the optimiser's own numbers overflow
 # From random weights much must change; a start that already follows is only thrown off by such steps.

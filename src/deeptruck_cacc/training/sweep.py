@@ -11,8 +11,9 @@ from typing import Any
 from deeptruck_cacc import training
 from deeptruck_cacc.controllers.loading import read_manifest
 from deeptruck_cacc.training.settings import AnalyticConfig, TrpoConfig
-from deeptruck_model import checks, files, sweeps
-from deeptruck_model.errors import InputError
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_model import checks, sweeps
 from deeptruck_model.sweeps import Settings
 
 CONFIGS = {"analytic": AnalyticConfig, "trpo": TrpoConfig}

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import yaml
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_exam import worlds
 from deeptruck_exam.cases.absorption import absorb
 from deeptruck_exam.cases.build import DT, Built, build, build_case
@@ -23,9 +25,7 @@ from deeptruck_exam.laws.law import GRAVITY, Array
 from deeptruck_exam.laws.series import ou_series
 from deeptruck_exam.worlds import trucks
 from deeptruck_exam.worlds.sensors import Sensors, quantise
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, write_bag
-from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks.accelerometer import Accelerometer
 
 

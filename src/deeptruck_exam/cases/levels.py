@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from deeptruck_core.errors import InputError
 from deeptruck_exam.laws import EFFECTS, Effect, named, nameless, of_kind
 from deeptruck_exam.laws.parameters import each_drive
-from deeptruck_model.errors import InputError
 
 LEVELS = (
     "noise",

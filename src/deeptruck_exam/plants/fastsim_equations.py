@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from deeptruck_core.signals import SPEED, TruckInterface
 from deeptruck_exam.laws.law import Array
 from deeptruck_exam.plants.fastsim_truck import (
     AIR_DENSITY,
@@ -24,7 +25,6 @@ from deeptruck_exam.plants.fastsim_truck import (
     inertia,
     sheet,
 )
-from deeptruck_model.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Run
 
 ROUNDS = 3

@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_core.reading import package_yaml
+from deeptruck_core.signals import TruckInterface
 from deeptruck_exam.laws.law import Array
 from deeptruck_exam.laws.series import ou_series
-from deeptruck_model._io.reading import package_yaml
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import TruckInterface
 
 DT = 0.1
 AIR_DENSITY, GRAVITY = 1.2, 9.80665  # kg/m^3, m/s^2: FASTSim's own

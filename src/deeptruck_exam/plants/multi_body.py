@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_core.signals import SPEED, TruckInterface
 from deeptruck_exam.plants.cases import MISSING, Concealed
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import SPEED, TruckInterface
 
 Array = NDArray[np.float64]
 

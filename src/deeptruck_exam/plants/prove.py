@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from deeptruck_core import files
 from deeptruck_exam.cases.case import Case
 from deeptruck_exam.folder import PLANT
 from deeptruck_exam.jobs import in_parallel
@@ -17,7 +18,6 @@ from deeptruck_exam.plants.cases import CONCEALED, NAMES, Concealed
 from deeptruck_exam.plants.simulators import DATA_SHEET, OWN, SIMULATORS, make
 from deeptruck_exam.scoring.score import FAILED, score_names
 from deeptruck_exam.tool import ToolRun, run_tool
-from deeptruck_model import files
 from deeptruck_model.recordings import Recording
 
 FIT = NAMES[:-1]

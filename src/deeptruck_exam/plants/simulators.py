@@ -12,10 +12,10 @@ from pathlib import Path
 
 import yaml
 
+from deeptruck_core.errors import InputError
 from deeptruck_exam.plants import fastsim_truck as plant
 from deeptruck_exam.plants.cases import CONCEALED, Concealed, drives, written
 from deeptruck_exam.tool import CONSOLE_SCRIPT
-from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import MANIFEST
 
 OWN, LEARNED, DATA_SHEET = SIMULATORS = ("own equations", "learned", "data sheet")

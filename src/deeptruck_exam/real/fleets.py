@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
 from deeptruck_exam.cases.case import Case
 from deeptruck_exam.folder import REAL, check_real
 from deeptruck_exam.real.withheld import LAYOUTS, SOURCES, Source, examine_withheld, trained, whole_log
 from deeptruck_exam.tool import run_tool, summary
-from deeptruck_model import files
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, split, write_bag
 
 CHOSEN_ON, REPORTED = "settings were chosen", "only reported"

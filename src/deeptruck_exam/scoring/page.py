@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_core import files
 from deeptruck_exam.laws import EFFECTS
 from deeptruck_exam.scoring import scoreboard
 from deeptruck_exam.scoring.figures import COMPARED, draw_all
 from deeptruck_exam.scoring.scoreboard import Score, mean
-from deeptruck_model import files
 
 HEADINGS = (
     "right first",

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from deeptruck_model._io.reading import package_yaml
+from deeptruck_core.reading import package_yaml
 
 
 @cache

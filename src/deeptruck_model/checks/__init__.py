@@ -12,6 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from deeptruck_core.errors import InputError, MisfitsError
+from deeptruck_core.vehicle_kinds import UNSTATED
 from deeptruck_model.checks import compatibility
 from deeptruck_model.checks.bags import (
     EXTRA_KEY,
@@ -39,8 +41,6 @@ from deeptruck_model.checks.simulators import (
     simulator,
     trucks,
 )
-from deeptruck_model.errors import InputError, MisfitsError
-from deeptruck_model.vehicle_kinds import UNSTATED
 
 __all__ = [
     "EXTRA_KEY",

@@ -11,10 +11,10 @@ from typing import Any, Literal
 
 import yaml
 
-from deeptruck_model._io.reading import parse_yaml, typed
+from deeptruck_core.errors import InputError
+from deeptruck_core.reading import parse_yaml, typed
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.checks.simulators import MANIFEST
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
 
 METADATA = "metadata.yaml"  # what a rosbag2 folder says of itself; without one the bag is not finished
 EXTRA_KEY = "deeptruck.extra"  # names of the channels on /extra

@@ -10,7 +10,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, TypeVar
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 T = TypeVar("T")
 SHOWN = 60  # characters of a value that a line repeats

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.signals import TruckInterface
 
 SAME_DT_S = 1e-6  # s in which two steps are one
 FULL_BRAKING_BAR = 8.0  # usual of air brakes

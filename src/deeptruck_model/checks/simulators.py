@@ -8,13 +8,13 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model._imports.entry_points import registered
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.imports.entry_points import registered
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.outside import saved
 from deeptruck_model.outside.reference import FMU_FORM, FORM, is_outside
 from deeptruck_model.outside.truck import KIND, look
-from deeptruck_model.signals import TruckInterface
 
 MANIFEST = (
     "simulator.json"  # {"kind": "physics|deep|corrected", "schema": 1, "interface": {...}, "dt": 0.1, ...}

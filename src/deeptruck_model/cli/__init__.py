@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import deeptruck_model._terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
+import deeptruck_core.terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
 
 # isort: split
 import functools
@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import typer
 
-from deeptruck_model._terminal import console
+from deeptruck_core.terminal import console
 
 app = typer.Typer(
     no_args_is_help=True,

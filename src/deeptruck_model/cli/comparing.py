@@ -10,11 +10,10 @@ from typing import Annotated
 
 import typer
 
-from deeptruck_model import checks
-from deeptruck_model._io import results
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import speed_unit
+from deeptruck_model import checks, results
 from deeptruck_model.cli.inputs import ClockOption, MessageFiles, Overwrite, TopicMap, Units, mapped
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import speed_unit
 
 _HELP = """Show drives side by side, aligned in time and along a shared road.
 

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deeptruck_model import checks, files
-from deeptruck_model._io import reading, results
-from deeptruck_model._terminal.progress import progress
+from deeptruck_core import files, reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import shown, speed_unit
+from deeptruck_core.terminal.progress import progress
+from deeptruck_model import checks, results
 from deeptruck_model.checks import Clock
 from deeptruck_model.cli.inputs import (
     ClockOption,
@@ -25,8 +27,6 @@ from deeptruck_model.cli.inputs import (
     mapped,
     show_accounts,
 )
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import shown, speed_unit
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Suggestion, TableSuggestion

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deeptruck_model import checks, files
-from deeptruck_model._io import results
-from deeptruck_model._terminal import console
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_core.terminal import console
+from deeptruck_model import checks, results
 from deeptruck_model.cli.inputs import (
     Bags,
     ClockOption,
@@ -22,7 +23,6 @@ from deeptruck_model.cli.inputs import (
     read,
 )
 from deeptruck_model.cli.judging import calibrate, evaluate
-from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
     from deeptruck_model.deep import Arguments

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.files import lock
+from deeptruck_core.signals import speed_unit
 from deeptruck_model.cli.inputs import SIMULATOR, Units
-from deeptruck_model.errors import InputError
-from deeptruck_model.files import lock
-from deeptruck_model.signals import speed_unit
 
 if TYPE_CHECKING:
     from deeptruck_model.fleet.run import Fleet, Workers

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deeptruck_model import files
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
 from deeptruck_model.checks import Clock, Mapped
-from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
-    from deeptruck_model._io.account import Account, Aside
+    from deeptruck_core.account import Account, Aside
     from deeptruck_model.deep import DeepTruck
     from deeptruck_model.recordings import Recording
 

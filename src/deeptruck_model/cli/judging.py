@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deeptruck_model import checks
-from deeptruck_model._io import results
-from deeptruck_model._terminal.progress import progress
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import printed, sensible, speed_unit
+from deeptruck_core.terminal.progress import progress
+from deeptruck_model import checks, results
 from deeptruck_model.cli.inputs import (
     SIMULATOR,
     Bags,
@@ -23,8 +24,6 @@ from deeptruck_model.cli.inputs import (
     mapped,
     read,
 )
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import printed, sensible, speed_unit
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Recording

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import speed_unit
+from deeptruck_core.terminal.progress import progress
 from deeptruck_model import checks
-from deeptruck_model._io.results import BAG_WITH_ROAD, FOUND, apart
-from deeptruck_model._terminal.progress import progress
 from deeptruck_model.cli.inputs import (
     SIMULATOR,
     ClockOption,
@@ -22,9 +23,8 @@ from deeptruck_model.cli.inputs import (
     mapped,
     show_accounts,
 )
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
-from deeptruck_model.signals import speed_unit
+from deeptruck_model.results import BAG_WITH_ROAD, FOUND, apart
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deeptruck_model import checks, files
-from deeptruck_model._io import reading, results
+from deeptruck_core import files, reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
+from deeptruck_model import checks, results
 from deeptruck_model.checks.compatibility import Given, Taken, misfits
 from deeptruck_model.cli.inputs import ClockOption, MessageFiles, TopicMap, mapped
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Recording

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deeptruck_model import checks, files
-from deeptruck_model._io import results
-from deeptruck_model._io.json_data import to_json
-from deeptruck_model._terminal.progress import progress
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_core.json_data import to_json
+from deeptruck_core.terminal.progress import progress
+from deeptruck_model import checks, results
 from deeptruck_model.cli.inputs import SIMULATOR, ClockOption, MessageFiles, Overwrite, TopicMap, mapped
-from deeptruck_model.errors import InputError
 from deeptruck_model.outside import saved
 from deeptruck_model.outside.reference import is_outside, made, refer
 from deeptruck_model.outside.truck import lacks

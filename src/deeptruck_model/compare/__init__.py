@@ -5,7 +5,7 @@ Loaded on first use, so that the command line can check its arguments without de
 
 from typing import TYPE_CHECKING
 
-from deeptruck_model._imports.lazy import names
+from deeptruck_core.imports.lazy import names
 
 if TYPE_CHECKING:
     from deeptruck_model.compare.comparison import Comparison, compare

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_core.errors import InputError
 from deeptruck_model.checks import Clock, calls
 from deeptruck_model.compare import sides, statistics
 from deeptruck_model.compare.alignment import By, Offset, Road, offset, road
 from deeptruck_model.compare.sides import Side
 from deeptruck_model.compare.statistics import Difference, Statistics
-from deeptruck_model.errors import InputError
 
 SCHEMA = 1
 STEP_S = 0.5

@@ -13,13 +13,13 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 from numpy.typing import NDArray
 
-from deeptruck_model import pages
+from deeptruck_core import pages
+from deeptruck_core.signals import channel_of, printed, speed_unit
 from deeptruck_model.compare.alignment import By, Road
 from deeptruck_model.compare.comparison import Compared, Comparison
 from deeptruck_model.compare.naming import ONE_RUN
 from deeptruck_model.compare.sides import Side
 from deeptruck_model.compare.statistics import APART, NAMES
-from deeptruck_model.signals import channel_of, printed, speed_unit
 
 PAGE, NUMBERS = "compare.html", "compare.json"
 PANELS = ("speed", "acceleration", "engine_command", "brake_command", "gap")

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
 from deeptruck_model.checks import Clock
 from deeptruck_model.compare.naming import short_names, split_name
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, read
 from deeptruck_model.simulators import Simulator, free_run
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 ADAPTING_UPDATES = 2000  # gradient steps from a truck that is learned already, whatever the amount of data
 FUEL = 0.5  # cost of a fuel error of one standard deviation, where that of an acceleration is 1

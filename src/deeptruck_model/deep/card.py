@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_core.signals import printed
 from deeptruck_model import simulators
-from deeptruck_model._io.results import CALIBRATED
 from deeptruck_model.deep import evaluation, io, resume
 from deeptruck_model.deep.evaluation import calibrate
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import printed
+from deeptruck_model.results import CALIBRATED
 
 METRICS_FILE = io.METRICS_FILE
 FILE = "MODEL_CARD.md"

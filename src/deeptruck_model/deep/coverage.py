@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import ACCELERATION, SPEED
 
 Array = NDArray[np.float64]
 SPEED_BIN, ACCELERATION_BIN, GRADE_BIN = 2.0, 0.5, 0.01  # m/s, m/s^2, ratio

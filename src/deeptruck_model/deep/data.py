@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.constants import ROUNDED_GRAVITY
-from deeptruck_model.errors import InputError
+from deeptruck_core.constants import ROUNDED_GRAVITY
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import ACCELERATION, SPEED, TruckInterface
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface
 
 FloatArray = NDArray[np.float32]
 Array = NDArray[np.float64]

@@ -22,15 +22,15 @@ from safetensors.numpy import save as arrays_to_bytes
 from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model import checks
-from deeptruck_model._io import reading
-from deeptruck_model._io.results import DEEP_TRUCK
 from deeptruck_model.deep.coverage import Coverage, Driven
 from deeptruck_model.deep.data import Scales
 from deeptruck_model.deep.network import WEIGHTS, Shape, TruckNetwork
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import CHANNELS, TruckInterface
+from deeptruck_model.results import DEEP_TRUCK
 from deeptruck_model.simulators import MANIFEST
 
 WEIGHTS_FILE, COVERAGE_FILE, METRICS_FILE = checks.WEIGHTS, "coverage.json", "metrics.json"

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
+from deeptruck_core.signals import ACCELERATION, FUEL, SPEED
 from deeptruck_model.deep.data import Scales
-from deeptruck_model.signals import ACCELERATION, FUEL, SPEED
 
 # Below both, the truck stands: static friction and the brake hold it, so rounding cannot make it creep.
 REST_SPEED = 0.1  # m/s

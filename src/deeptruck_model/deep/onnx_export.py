@@ -16,7 +16,7 @@ import numpy as np
 import onnx
 from onnx import ModelProto, numpy_helper, parser
 
-from deeptruck_model import files
+from deeptruck_core import files
 from deeptruck_model.deep.network import GEAR_OFFSET, GEAR_SPEED, REST_ACCELERATION, REST_SPEED, WEIGHTS
 from deeptruck_model.deep.truck import DeepTruck
 

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model.deep import remarks
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.coverage import Driven
@@ -29,10 +31,8 @@ from deeptruck_model.deep.data import (
 )
 from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck, load_directory
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, data_hash, splits
 from deeptruck_model.recordings.consistency import sensors
-from deeptruck_model.signals import CHANNELS, TruckInterface
 from deeptruck_model.simulators import read_manifest
 
 

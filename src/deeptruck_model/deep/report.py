@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from deeptruck_model._io.results import EVALUATION
+from deeptruck_core.pages.document import Part, Picture, Table, document
+from deeptruck_core.pages.style import MODELLED, RECORDED, WIDTH_IN, png, styled
+from deeptruck_core.signals import CHANNELS, SPEED, printed, sensible
 from deeptruck_model.checks import calls
 from deeptruck_model.deep import remarks
 from deeptruck_model.deep.evaluation import (
@@ -25,11 +27,9 @@ from deeptruck_model.deep.evaluation import (
     trials,
 )
 from deeptruck_model.deep.remarks import is_deep
-from deeptruck_model.pages.document import Part, Picture, Table, document
-from deeptruck_model.pages.style import MODELLED, RECORDED, WIDTH_IN, png, styled
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.several import Drives, drives
-from deeptruck_model.signals import CHANNELS, SPEED, printed, sensible
+from deeptruck_model.results import EVALUATION
 from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
 
 LABELS = {"acceleration": "acceleration", "speed": "speed", "fuel_rate": "fuel rate"}

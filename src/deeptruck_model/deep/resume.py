@@ -17,13 +17,13 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
-from deeptruck_model import files
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
 from deeptruck_model.deep.arguments import ADAPTING_UPDATES, OPTIONS, PAPER_PASSES, Arguments, default_updates
 from deeptruck_model.deep.io import current
 from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
 from deeptruck_model.deep.optimizer import Best
 from deeptruck_model.deep.preparation import Prepared
-from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import MANIFEST, read_manifest
 
 FILE = "resume.safetensors"

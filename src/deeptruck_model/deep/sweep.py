@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import recordings, sweeps
-from deeptruck_model._io.results import DEEP_TRUCK, SWEEP
 from deeptruck_model.checks import MANIFEST, Clock
 from deeptruck_model.deep.arguments import OPTIONS, Arguments
-from deeptruck_model.errors import InputError
+from deeptruck_model.results import DEEP_TRUCK, SWEEP
 
 METRICS_FILE = "metrics.json"
 RANKED_BY = "speed"  # its mean absolute error in held-out free runs, m/s, mean over the seeds

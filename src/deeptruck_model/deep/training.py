@@ -13,9 +13,10 @@ import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
 
-from deeptruck_model import files, simulators
-from deeptruck_model._io.results import DEEP_TRUCK
-from deeptruck_model._terminal.progress import bar, board
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_core.terminal.progress import bar, board
+from deeptruck_model import simulators
 from deeptruck_model.checks import calls
 from deeptruck_model.deep import card, coverage, remarks, resume
 from deeptruck_model.deep.arguments import FUEL, PAPER_FUEL, Arguments
@@ -35,9 +36,9 @@ from deeptruck_model.deep.optimizer import (
 from deeptruck_model.deep.preparation import Prepared, prepare
 from deeptruck_model.deep.resume import differences, identity_in, identity_of
 from deeptruck_model.deep.truck import DeepTruck, load_directory
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.several import Drives, drives
+from deeptruck_model.results import DEEP_TRUCK
 from deeptruck_model.simulators import read_manifest
 
 Observer = Callable[[int, TruckNetwork], None]

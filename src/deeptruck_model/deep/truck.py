@@ -12,13 +12,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import SPEED, TruckInterface
 from deeptruck_model.deep import io
 from deeptruck_model.deep.coverage import Coverage, Driven
 from deeptruck_model.deep.kernels import inference
 from deeptruck_model.deep.network import State, TruckNetwork
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Array, Run
 
 

@@ -15,8 +15,8 @@ from urllib.parse import quote
 
 import numpy as np
 
-from deeptruck_model._io.reading import sha256
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.reading import sha256
 from deeptruck_model.fleet.extract import MEASURED, load
 from deeptruck_model.fleet.plan import week
 from deeptruck_model.fleet.storage import Place, StorageError, code, key

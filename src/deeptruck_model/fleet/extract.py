@@ -20,16 +20,16 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
-from deeptruck_model._io.account import Account
-from deeptruck_model._io.json_data import to_json
+from deeptruck_core.account import Account
+from deeptruck_core.errors import InputError
+from deeptruck_core.json_data import to_json
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.checks import compatibility
 from deeptruck_model.checks.compatibility import Given, Taken
-from deeptruck_model.errors import InputError
 from deeptruck_model.fleet.plan import Drive
 from deeptruck_model.fleet.storage import Place, StorageError, code, key
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.tables.table_writer import as_table
-from deeptruck_model.signals import TruckInterface
 
 RECEIPTS, RECORDINGS, INDEX = "receipts", "recordings", "recordings.json"
 ROOMS = ("recordings/", "signals", "checks/", "fleet/extract")

@@ -13,8 +13,8 @@ from urllib.parse import quote
 from jinja2 import Environment, StrictUndefined
 from pyarrow import fs
 
-from deeptruck_model import files, pages
-from deeptruck_model.errors import InputError
+from deeptruck_core import files, pages
+from deeptruck_core.errors import InputError
 from deeptruck_model.fleet.compare import VERDICT, folder
 from deeptruck_model.fleet.extract import INDEX
 from deeptruck_model.fleet.pool import POOLED, headline

@@ -12,9 +12,9 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
 from deeptruck_model import checks
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
 from deeptruck_model.fleet.storage import Place, Stored
 
 NO_DATE = "undated"

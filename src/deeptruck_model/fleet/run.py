@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.terminal.progress import bar
 from deeptruck_model import checks, sweeps
-from deeptruck_model._terminal.progress import bar
 from deeptruck_model.checks.compatibility import Taken
-from deeptruck_model.errors import InputError
 from deeptruck_model.fleet import compare as comparing
 from deeptruck_model.fleet import extract as extracting
 from deeptruck_model.fleet import plan

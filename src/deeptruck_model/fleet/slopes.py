@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.constants import GRAVITY
-from deeptruck_model.errors import InputError
+from deeptruck_core.constants import GRAVITY
+from deeptruck_core.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.roads.one_road import STEP_M, headed

@@ -20,8 +20,8 @@ from typing import Any
 
 from pyarrow import fs
 
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
 
 TRIES = 5  # of one transfer; storage that fails half the time then fails one in 32
 WAIT_S = 0.2  # before the second try, doubled before each further one

@@ -7,7 +7,7 @@ simulator; `export` writes an FMU. FMPy and PythonFMU3, extra 'fmu', are loaded 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from deeptruck_model._imports import lazy
+from deeptruck_core.imports import lazy
 
 if TYPE_CHECKING:
     from deeptruck_model.fmu.truck import FmuTruck, make

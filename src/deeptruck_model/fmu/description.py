@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
 
 MISSING = "FMUs need FMPy; install it with \"pip install 'deeptruck[fmu]'\""
 DESCRIPTION = "modelDescription.xml"

@@ -10,9 +10,10 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from deeptruck_model import files, simulators
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_model import simulators
 from deeptruck_model.checks import MANIFEST, manifest
-from deeptruck_model.errors import InputError
 from deeptruck_model.fmu import slave_file
 from deeptruck_model.outside.reference import is_outside
 from deeptruck_model.outside.truck import KIND

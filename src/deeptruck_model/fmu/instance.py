@@ -11,8 +11,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
 from deeptruck_model.fmu.description import Description, Variable
 
 KINDS = {  # of variables: what the FMI functions call them, and what they take

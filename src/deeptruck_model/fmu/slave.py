@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from pythonfmu3 import Boolean, DefaultExperiment, Float64, Fmi3Causality, Fmi3Slave, Fmi3Variability, Unit
 
+from deeptruck_core.signals import ACCELERATION, CHANNELS, SPEED
 from deeptruck_model import simulators
-from deeptruck_model.signals import ACCELERATION, CHANNELS, SPEED
 
 FOLDER = "simulator"  # in the FMU's resources
 NEAR = 1e-9  # s, in which two times are one

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import ACCELERATION, FUEL, SPEED, TruckInterface
 from deeptruck_model.fmu.description import Description, Variable, described
 from deeptruck_model.fmu.drives import Drive, Instances
 from deeptruck_model.fmu.instance import Instance, Unpacked
 from deeptruck_model.fmu.variables import VariableMap, variable_map
-from deeptruck_model.signals import ACCELERATION, FUEL, SPEED, TruckInterface
 from deeptruck_model.simulators import Run
 
 Array = NDArray[np.float64]

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS, TruckInterface
 from deeptruck_model.fmu.description import Description, Variable
 from deeptruck_model.recordings.units import Conversion, conversion
-from deeptruck_model.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS, TruckInterface
 from deeptruck_model.trucks.parameters import PARAMETERS
 from deeptruck_model.trucks.state import INSIDE
 

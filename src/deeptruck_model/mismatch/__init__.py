@@ -5,7 +5,7 @@ The modules are loaded on first use, so that the command line checks its input w
 
 from typing import TYPE_CHECKING
 
-from deeptruck_model._imports.lazy import names
+from deeptruck_core.imports.lazy import names
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, load_directory

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.json_data import stored
+from deeptruck_core.json_data import stored
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.stats import t as student_t
 from threadpoolctl import threadpool_limits
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.mismatch.correction.improvement import free_windows, horizon, improvement
 from deeptruck_model.mismatch.fit_result import Interval, Rmse
 from deeptruck_model.mismatch.posterior.regression import FREE, Model, Regression

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from deeptruck_core.errors import InputError
 from deeptruck_model.checks import calls, mass
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.excluded import check_excluded
 from deeptruck_model.mismatch.prepare import Span
 from deeptruck_model.mismatch.rules import Rules

@@ -8,9 +8,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from deeptruck_core.pages.marked import put_between_marks
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
 from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS, SENSOR_ERRORS
-from deeptruck_model.pages.marked import put_between_marks
 
 HEAD = (
     "| effect | family | equation | varies with | needs | source | would be separated by |",

@@ -7,7 +7,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS, SENSOR_ERRORS
 from deeptruck_model.mismatch.tree import UNKNOWN

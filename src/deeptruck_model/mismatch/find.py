@@ -8,7 +8,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from deeptruck_model._terminal.progress import steps
+from deeptruck_core.terminal.progress import steps
 from deeptruck_model.mismatch.budget import budget
 from deeptruck_model.mismatch.called import called
 from deeptruck_model.mismatch.comparison import Compared

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.json_data import SPARSE, stored
+from deeptruck_core.json_data import SPARSE, stored
 from deeptruck_model.mismatch.folders import AS_GIVEN
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.strength import Strength

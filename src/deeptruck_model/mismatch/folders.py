@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model import files
-from deeptruck_model._io.reading import typed
-from deeptruck_model.errors import InputError
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_core.reading import typed
 
 APPLIED = files.Result("a corrected simulator")
 CORRECTED, REFITTED = "simulator", "refitted"  # folders of a run: with forces added, with parameters alone

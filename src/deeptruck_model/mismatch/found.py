@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import shown
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.fit_result import Errors
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Finding, Verdict
-from deeptruck_model.signals import shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.json_data import stored
+from deeptruck_core.json_data import stored
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, gains
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import FAMILY, Tree

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+from deeptruck_core.constants import GRAVITY
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import shown
 from deeptruck_model import simulators
-from deeptruck_model._io.results import FOUND
 from deeptruck_model.checks import calls
-from deeptruck_model.constants import GRAVITY
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.folders import (
     APPLIED,
     CORRECTED,
@@ -26,7 +26,7 @@ from deeptruck_model.mismatch.folders import (
 from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.report import lines, page
 from deeptruck_model.mismatch.result import Verdict
-from deeptruck_model.signals import shown
+from deeptruck_model.results import FOUND
 
 
 def summary(mismatch: Mismatch | Verdict, units: str = "m/s") -> list[str]:

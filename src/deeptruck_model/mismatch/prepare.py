@@ -8,6 +8,7 @@ from itertools import compress
 
 import numpy as np
 
+from deeptruck_core.signals import ACCELERATION
 from deeptruck_model.mismatch.data import checks, speed_unit
 from deeptruck_model.mismatch.data.prepared import (
     BRAKING,
@@ -30,7 +31,6 @@ from deeptruck_model.mismatch.unrecorded import NotRecorded, braking, inputs
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.consistency import gears, sensors
 from deeptruck_model.recordings.splits import refuse_shared
-from deeptruck_model.signals import ACCELERATION
 from deeptruck_model.simulators import Simulator
 
 OWN_ROAD = "by their positions {} meet no other drive: if they did, check latitude and longitude"

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.json_data import HIDDEN, SPARSE, from_json, stored, to_json
+from deeptruck_core.json_data import HIDDEN, SPARSE, from_json, stored, to_json
+from deeptruck_core.signals import Said, Speed
 from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.fit_result import FitResult, Interval
@@ -21,7 +22,6 @@ from deeptruck_model.mismatch.strength import Strength
 from deeptruck_model.mismatch.tree import Node
 from deeptruck_model.mismatch.unrecorded import NotRecorded
 from deeptruck_model.mismatch.verdict.witnesses import Witness
-from deeptruck_model.signals import Said, Speed
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from deeptruck_model.pages.marked import put_between_marks
+from deeptruck_core.pages.marked import put_between_marks
 
 SENSORS = "ordinary sensors"
 TRUCKS = "what trucks do"

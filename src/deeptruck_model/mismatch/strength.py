@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from deeptruck_model._io.json_data import stored
+from deeptruck_core.json_data import stored
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
 

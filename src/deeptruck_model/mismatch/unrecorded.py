@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-from deeptruck_model._io.json_data import HIDDEN, stored
+from deeptruck_core.json_data import HIDDEN, stored
 from deeptruck_model.mismatch.fit_result import Interval
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS

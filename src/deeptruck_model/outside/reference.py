@@ -19,9 +19,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model._imports.entry_points import registered
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.imports.entry_points import registered
 
 PYTHON, FMU = "python:", "fmu:"
 SCHEMES = (PYTHON, FMU)

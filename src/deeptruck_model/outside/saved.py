@@ -11,12 +11,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model import files
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
+from deeptruck_core import files, reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.outside.reference import PYTHON, Reference, is_outside, refer
 from deeptruck_model.outside.truck import KIND, MANIFEST, SCHEMA, OutsideTruck, adopted
-from deeptruck_model.signals import TruckInterface
 
 MAKE_AGAIN = "run 'deeptruck-model mismatch' again"
 

@@ -10,9 +10,9 @@ from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.outside.reference import FMU, PYTHON, Reference, asked, made, refer
-from deeptruck_model.signals import TruckInterface
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 KIND, MANIFEST, SCHEMA = "outside", "simulator.json", 1
 LONGEST_DT = 60.0  # s
 NEEDED = {  # what the object must have, and the form of it
-    "interface": "a deeptruck_model.signals.TruckInterface",
+    "interface": "a deeptruck_core.signals.TruckInterface",
     "dt": "its step in s",
     "reset": "reset(y0) -> state",
     "step": "step(state, u, w) -> (state, y)",

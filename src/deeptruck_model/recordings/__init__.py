@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from deeptruck_model._imports import lazy
+from deeptruck_core.imports import lazy
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings.bag_writer import write_bag

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 from rosbags.typesys import Stores, get_typestore
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 VERSION = 9
 

@@ -18,10 +18,10 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.records import Metadata
 
-from deeptruck_model._io import reading
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
 from deeptruck_model.checks import EXTRA_KEY, INTERFACE_KEY, METADATA, NOTES_KEY, RECORD_AGAIN
 from deeptruck_model.checks.bags import check_folder, data_file, information_of, parts
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import bag_file
 from deeptruck_model.recordings.bag_file import DamagedError, TornError
 from deeptruck_model.recordings.bag_storage import open_storages

@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.results import WRITTEN_BAG
+from deeptruck_core.errors import InputError
+from deeptruck_core.files import Result
+from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model.checks import calls
-from deeptruck_model.errors import InputError
-from deeptruck_model.files import Result
 from deeptruck_model.recordings.bag_source import EXTRA_KEY, INTERFACE_KEY, NOTES_KEY
 from deeptruck_model.recordings.crash_safe import CrashSafeWriter
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S
 from deeptruck_model.recordings.obeyed import COMMAND, ENGAGED
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, EXTRA_TOPIC
-from deeptruck_model.signals import CHANNELS, TruckInterface
+from deeptruck_model.results import WRITTEN_BAG
 
 Array = NDArray[np.float64]
 

@@ -12,11 +12,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from deeptruck_model._io.reading import plain
+from deeptruck_core.reading import plain
+from deeptruck_core.signals import CHANNELS
 from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.survey import Field, Topic
 from deeptruck_model.recordings.units import conversion, known_units
-from deeptruck_model.signals import CHANNELS
 
 NEEDED = {
     "speed": "without it there is no recording",

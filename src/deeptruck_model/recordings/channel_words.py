@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from deeptruck_model._io.reading import package_yaml
+from deeptruck_core.reading import package_yaml
 
 _DATA = package_yaml(__package__, "channel_words.yaml")
 COMMANDED, STATISTIC, LEADER = (frozenset(_DATA[kind]) for kind in ("commanded", "statistic", "leader"))

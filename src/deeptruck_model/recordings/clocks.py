@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.errors import InputError
 from deeptruck_model.checks import Clock
-from deeptruck_model.errors import InputError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

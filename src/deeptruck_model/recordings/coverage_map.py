@@ -18,16 +18,16 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from deeptruck_model._io.json_data import to_json
-from deeptruck_model._io.results import COVERAGE
-from deeptruck_model.errors import InputError
-from deeptruck_model.pages.document import Folded, Picture, Table, document
-from deeptruck_model.pages.style import MODELLED, WIDTH_IN, plain_log, png, styled
+from deeptruck_core.errors import InputError
+from deeptruck_core.json_data import to_json
+from deeptruck_core.pages.document import Folded, Picture, Table, document
+from deeptruck_core.pages.style import MODELLED, WIDTH_IN, plain_log, png, styled
+from deeptruck_core.signals import Said, Speed, printed, sensible, shown, speed_unit
 from deeptruck_model.recordings.not_recorded import not_recorded, sentence
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.several import Drives, drives
 from deeptruck_model.recordings.splits import shared
-from deeptruck_model.signals import Said, Speed, printed, sensible, shown, speed_unit
+from deeptruck_model.results import COVERAGE
 
 Array = NDArray[np.float64]
 

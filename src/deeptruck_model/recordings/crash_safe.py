@@ -10,8 +10,8 @@ from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
-from deeptruck_model import files
-from deeptruck_model.errors import InputError
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.bag_metadata import Topic, definition, metadata_yaml
 
 CHUNK_BYTES = 64 * 1024  # 10 s of a drive at 10 Hz: what a file that is cut off, not killed, loses at most

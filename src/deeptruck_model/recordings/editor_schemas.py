@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from deeptruck_core.signals import CHANNELS, PERSON, SLOPE_FROM, SLOPE_SOURCES
+from deeptruck_core.vehicle_kinds import UNSTATED, VEHICLE_KINDS
 from deeptruck_model.recordings import gated_brake, topic_map
 from deeptruck_model.recordings.tables import columns
 from deeptruck_model.recordings.units import TIME_UNITS, canonical_units, known_units
-from deeptruck_model.signals import CHANNELS, PERSON, SLOPE_FROM, SLOPE_SOURCES
-from deeptruck_model.vehicle_kinds import UNSTATED, VEHICLE_KINDS
 
 Schema = dict[str, Any]
 

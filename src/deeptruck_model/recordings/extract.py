@@ -11,10 +11,11 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io import reading
-from deeptruck_model._io.account import Account, moment
+from deeptruck_core import reading
+from deeptruck_core.account import Account, moment
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 from deeptruck_model.checks import Clock, calls
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.bag_source import EXTRA_KEY, INTERFACE_KEY, NOTES_KEY, BagSource
 from deeptruck_model.recordings.clocks import REORDER_NS, Clocks, Part, Queue
@@ -33,7 +34,6 @@ from deeptruck_model.recordings.topic_map import (
     load,
     stated,
 )
-from deeptruck_model.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

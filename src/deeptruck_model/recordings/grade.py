@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.constants import GRAVITY
-from deeptruck_model.errors import InputError
+from deeptruck_core.constants import GRAVITY
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import ACCELEROMETER, ELEVATION, SLOPE_FROM
 from deeptruck_model.recordings.consistency.accelerometer import accelerometer
 from deeptruck_model.recordings.consistency.windows import CORRELATED, SCALE
 from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.signals import ACCELEROMETER, ELEVATION, SLOPE_FROM
 
 Array = NDArray[np.float64]
 

@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.formats import BAG as BAG_OF_FRAMES
+from deeptruck_core.formats import PACKED, Kind, check_measurement, format_of, suffix_of
 from deeptruck_model import checks
-from deeptruck_model._io.formats import BAG as BAG_OF_FRAMES
-from deeptruck_model._io.formats import PACKED, Kind, check_measurement, format_of, suffix_of
-from deeptruck_model._io.results import BAG, apart
 from deeptruck_model.checks import Clock
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.recordings.tables.table_file import in_parts
 from deeptruck_model.recordings.topic_map import facts, is_topic_map, load_yaml
+from deeptruck_model.results import BAG, apart
 
 A_MAP = (
     "a bag is converted by a topic map, lines such as 'speed: {topic: /odom, field: twist.twist.linear.x}' "

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._imports.entry_points import registered
-from deeptruck_model._io.account import Account
-from deeptruck_model._io.results import BAG
+from deeptruck_core.account import Account
+from deeptruck_core.errors import InputError
+from deeptruck_core.imports.entry_points import registered
+from deeptruck_core.signals import CHANNELS, SLOPE_FROM, TruckInterface, check_slope_source
 from deeptruck_model.checks import Clock, calls
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake, import_checks
 from deeptruck_model.recordings.bag_writer import write_bag
 from deeptruck_model.recordings.consistency import sensors
@@ -29,7 +29,7 @@ from deeptruck_model.recordings.resample import count_derived, uniform
 from deeptruck_model.recordings.tables.columns import Columns, load_columns
 from deeptruck_model.recordings.tables.samples import read_samples
 from deeptruck_model.recordings.topic_map import stated
-from deeptruck_model.signals import CHANNELS, SLOPE_FROM, TruckInterface, check_slope_source
+from deeptruck_model.results import BAG
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.signals import FAULTS
+from deeptruck_core.signals import FAULTS
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.bag_metadata import typestore
 from deeptruck_model.recordings.bag_storage import Connection
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from deeptruck_model._io.reading import package_yaml
+from deeptruck_core.reading import package_yaml
 
 
 class Role(enum.IntEnum):

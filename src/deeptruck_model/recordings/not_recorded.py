@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from deeptruck_core.signals import PERSON
+from deeptruck_core.vehicle_kinds import NO_COASTING, SURELY_BRAKING
 from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.signals import PERSON
-from deeptruck_model.vehicle_kinds import NO_COASTING, SURELY_BRAKING
 
 
 @dataclass(frozen=True)

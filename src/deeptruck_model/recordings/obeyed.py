@@ -13,7 +13,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.account import Account, moment
+from deeptruck_core.account import Account, moment
 from deeptruck_model.recordings.bag_source import BagSource
 from deeptruck_model.recordings.interpolate import GAP_S, Series
 from deeptruck_model.recordings.layout import Walker

@@ -8,15 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.account import Tally, moment
-from deeptruck_model.errors import InputError
+from deeptruck_core.account import Tally, moment
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import CHANNELS, TruckInterface, channel_of
 from deeptruck_model.recordings.consistency.impossible import (
     impossible,
     lost_decimals,
     zero_changes,
 )
 from deeptruck_model.recordings.units import known_units
-from deeptruck_model.signals import CHANNELS, TruckInterface, channel_of
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

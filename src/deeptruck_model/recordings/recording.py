@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.account import Account
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.account import Account
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from deeptruck_model.signals import printed
+from deeptruck_core.signals import printed
 
 Array = NDArray[np.float64]
 

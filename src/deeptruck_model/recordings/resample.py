@@ -13,8 +13,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.account import Account, Tally, moment
-from deeptruck_model.errors import InputError
+from deeptruck_core.account import Account, Tally, moment
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model.recordings.consistency import accelerometer, agreement
 from deeptruck_model.recordings.consistency.impossible import Places, moving_at_zero
 from deeptruck_model.recordings.consistency.sensors import doubts
@@ -31,7 +32,6 @@ from deeptruck_model.recordings.interpolate import (
 )
 from deeptruck_model.recordings.ranges import NEEDED, REVERSING, Range, Seen, reversing
 from deeptruck_model.recordings.recording import FROM_SPEED, Recording
-from deeptruck_model.signals import CHANNELS, TruckInterface
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import checks
 from deeptruck_model.checks import Clock, calls
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.topic_map import TopicMap

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.recording import Recording
 
 SHARED_S = 10.0  # of driving that are alike to the last digit are one drive

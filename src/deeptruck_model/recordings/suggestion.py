@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.reading import plain
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.reading import plain
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings.candidates import DEMANDS, FIELD, OURS, TOPIC, TYPE, Candidate, Proposal
 from deeptruck_model.recordings.channel_words import (
     COMMANDED,
@@ -26,7 +27,6 @@ from deeptruck_model.recordings.message_types import MESSAGE_TYPES, WITH_QUATERN
 from deeptruck_model.recordings.survey import Field, Survey, Topic, survey, values_of
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
 from deeptruck_model.recordings.units import conversion
-from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
 

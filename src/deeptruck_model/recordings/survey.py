@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io import reading
+from deeptruck_core import reading
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.checks import calls
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, BagSource
 from deeptruck_model.recordings.layout import STAMP, Columns, Layout, Walker
 from deeptruck_model.recordings.mcap_chunks import Batch
-from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
 

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io import reading
-from deeptruck_model._io.reading import near
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.reading import near
+from deeptruck_core.signals import CHANNELS, FAULTS, SLOPE_FROM, check_driver, check_slope_source
 from deeptruck_model.checks import Mapped
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.units import Conversion, conversion
-from deeptruck_model.signals import CHANNELS, FAULTS, SLOPE_FROM, check_driver, check_slope_source
 
 Array = NDArray[np.float64]
 

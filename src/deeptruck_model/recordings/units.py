@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.reading import near
-from deeptruck_model.constants import GRAVITY
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS
+from deeptruck_core.constants import GRAVITY
+from deeptruck_core.errors import InputError
+from deeptruck_core.reading import near
+from deeptruck_core.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS
 
 Array = NDArray[np.float64]
 

@@ -15,12 +15,12 @@ from typing import Any, Protocol, cast, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._imports.entry_points import registered
-from deeptruck_model._io import reading
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.imports.entry_points import registered
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.checks import KINDS, SCHEMES, calls
 from deeptruck_model.checks import manifest as read_manifest
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
 

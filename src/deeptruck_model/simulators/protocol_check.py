@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import ACCELERATION, CHANNELS, SPEED, TruckInterface
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import ACCELERATION, CHANNELS, SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.simulators.running import difference
 
@@ -283,7 +283,7 @@ def _command_of_nothing(s: Simulator) -> str:
     except InputError:
         return "is refused"
     if np.isfinite(y).all():
-        raise NotedError("a command that is NaN is driven on with", "raise deeptruck_model.errors.InputError")
+        raise NotedError("a command that is NaN is driven on with", "raise deeptruck_core.errors.InputError")
     return "is passed on as NaN"
 
 

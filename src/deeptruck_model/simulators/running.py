@@ -14,9 +14,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import SPEED
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import SPEED
 from deeptruck_model.simulators.protocol import MinimalSimulator, Simulator
 
 Array = NDArray[np.float64]

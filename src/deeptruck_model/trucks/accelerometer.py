@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_model.constants import GRAVITY
+from deeptruck_core.constants import GRAVITY
 
 
 class Accelerometer:

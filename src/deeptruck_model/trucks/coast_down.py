@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 LBF, MPH, KMH = 4.4482216152605, 0.44704, 1.0 / 3.6  # in N and m/s: NIST SP 811
 UNITS = {"N, m/s": (1.0, 1.0), "N, km/h": (1.0, KMH), "lbf, mph": (LBF, MPH)}

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from deeptruck_model._imports.compiler import numba
+from deeptruck_core.imports.compiler import numba
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

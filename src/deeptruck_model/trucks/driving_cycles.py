@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.errors import InputError
 from deeptruck_model.checks import calls
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PhysicsTruck
 from deeptruck_model.trucks.compiled import entry

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import yaml
 
-from deeptruck_model._io import reading
-from deeptruck_model._io.reading import near
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.reading import near
+from deeptruck_core.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 from deeptruck_model.trucks.specification import Specification, from_pool
 
 CLUTCH, CONVERTER = "trucksim", "freightliner"  # of the pool: whose other parameters the truck gets

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_model._io.reading import near
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.reading import near
 
 GEARS = 18  # room for the largest gearbox
 TABLE = 64  # points of the full-load curve, uniform in engine speed

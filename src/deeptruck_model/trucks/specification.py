@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io import reading
-from deeptruck_model._io.reading import near
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.reading import near
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.trucks.coast_down import KEY, REPLACES, CoastDown
 from deeptruck_model.trucks.parameters import GEARS, PARAMETERS, PARTS, PEDAL, RECORD, TABLE, check_values
 

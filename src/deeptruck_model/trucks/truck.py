@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io import reading
-from deeptruck_model._io.results import PHYSICS_TRUCK
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.checks import calls
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
+from deeptruck_model.results import PHYSICS_TRUCK
 from deeptruck_model.simulators import MANIFEST, Run
 from deeptruck_model.trucks import kernel
 from deeptruck_model.trucks.forces import CommandFilter, Force, View, total_force

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from deeptruck_model._io.account import Account
+from deeptruck_core.account import Account
 from truck_bridge.can_logs.faults import unread
 from truck_bridge.can_logs.frames import Frame
 from truck_bridge.can_logs.reader import read

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from deeptruck_model import files
-from deeptruck_model._io.account import Account
+from deeptruck_core import files
+from deeptruck_core.account import Account
 from truck_bridge import j1939
 from truck_bridge.can_logs import faults
 from truck_bridge.can_logs.faults import Said

@@ -19,9 +19,8 @@ from typing import Any
 
 import can
 
-from deeptruck_model import files
-from deeptruck_model._io import formats
-from deeptruck_model._io.account import Account
+from deeptruck_core import files, formats
+from deeptruck_core.account import Account
 from truck_bridge import log_files
 from truck_bridge.bus import open_bus
 from truck_bridge.can_logs.frames import Kind

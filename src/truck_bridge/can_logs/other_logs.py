@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from deeptruck_model._io.account import Account
+from deeptruck_core.account import Account
 from truck_bridge.can_logs.frames import EXTENDED_MASK, Frame, Kind, of_raw
 from truck_bridge.can_logs.text_logs import lines_of
 from truck_bridge.can_logs.whole import COPY

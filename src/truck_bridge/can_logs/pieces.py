@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from deeptruck_model._io.account import Account
+from deeptruck_core.account import Account
 from truck_bridge.can_logs.frames import Frame
 from truck_bridge.errors import InputError
 

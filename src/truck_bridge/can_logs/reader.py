@@ -1,4 +1,4 @@
-"""Reads frames from a log, by the reader that its format names in `deeptruck_model._io.formats`.
+"""Reads frames from a log, by the reader that its format names in `deeptruck_core.formats`.
 
 `every` gives all frames of a log, `read` the extended data frames of one bus, which J1939 uses. Both count in
 an Account: a frame is used, or omitted for a stated reason.
@@ -16,9 +16,9 @@ from pathlib import Path
 
 import can
 
-from deeptruck_model._io.account import Account
-from deeptruck_model._io.formats import FORMATS, KINDS, PACKED, format_of
-from deeptruck_model._io.reading import plain
+from deeptruck_core.account import Account
+from deeptruck_core.formats import FORMATS, KINDS, PACKED, format_of
+from deeptruck_core.reading import plain
 from truck_bridge import log_files
 from truck_bridge.can_logs import text_logs
 from truck_bridge.can_logs.frames import Frame, Kind, of_message

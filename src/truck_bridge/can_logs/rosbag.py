@@ -25,8 +25,8 @@ from rosbags.rosbag1 import Reader as Rosbag1
 from rosbags.rosbag2 import Reader as Rosbag2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from deeptruck_model._io import formats
-from deeptruck_model._io.account import Account
+from deeptruck_core import formats
+from deeptruck_core.account import Account
 from truck_bridge import log_files
 from truck_bridge.can_logs.frames import EXTENDED_FLAG, EXTENDED_MASK, Frame, Kind
 from truck_bridge.can_logs.whole import check_mcap

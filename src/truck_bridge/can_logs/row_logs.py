@@ -13,9 +13,9 @@ from pathlib import Path
 
 from can.util import dlc2len
 
-from deeptruck_model._io import frame_rows
-from deeptruck_model._io.account import Account
-from deeptruck_model._io.frame_rows import FrameColumns, FrameTable
+from deeptruck_core import frame_rows
+from deeptruck_core.account import Account
+from deeptruck_core.frame_rows import FrameColumns, FrameTable
 from truck_bridge.can_logs.frames import EXTENDED_MASK, Frame, Kind, of_raw
 from truck_bridge.can_logs.text_logs import lines_of
 from truck_bridge.errors import InputError

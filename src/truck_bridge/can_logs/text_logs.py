@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from deeptruck_model._io.account import Account
+from deeptruck_core.account import Account
 from truck_bridge.can_logs.frames import (
     ERROR_FLAG,
     EXTENDED_FLAG,

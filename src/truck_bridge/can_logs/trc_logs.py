@@ -10,7 +10,7 @@ from pathlib import Path
 
 import can
 
-from deeptruck_model._io.account import Account
+from deeptruck_core.account import Account
 from truck_bridge.can_logs.frames import Frame, of_message
 from truck_bridge.can_logs.text_logs import LONGEST, check_length
 from truck_bridge.can_logs.whole import COPY

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from deeptruck_core.terminal import console
 from deeptruck_model import checks
-from deeptruck_model._terminal import console
 from truck_bridge.emulator.road import road, within
 from truck_bridge.errors import InputError
 

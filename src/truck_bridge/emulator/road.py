@@ -6,7 +6,7 @@ from bisect import bisect_right
 from collections.abc import Callable
 from pathlib import Path
 
-from deeptruck_model._io.reading import check_file
+from deeptruck_core.reading import check_file
 from truck_bridge.errors import InputError
 
 STEEPEST = 0.5  # rise/run

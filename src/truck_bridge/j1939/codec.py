@@ -18,7 +18,7 @@ from typing import NamedTuple
 import cantools.database
 from cantools.database.can import Message
 
-from deeptruck_model._io.reading import plain
+from deeptruck_core.reading import plain
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.ids import Identifier, pgn_of
 

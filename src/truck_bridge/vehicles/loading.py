@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from deeptruck_model._io.reading import package_yaml, parse_yaml, plain
+from deeptruck_core.reading import package_yaml, parse_yaml, plain
 from truck_bridge import channels, j1939
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, ids

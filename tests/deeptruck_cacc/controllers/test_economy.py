@@ -14,9 +14,9 @@ from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_cacc.safety.guard import guard
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import simulators, trucks
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
 
 LEADER = 20.0  # m/s
 

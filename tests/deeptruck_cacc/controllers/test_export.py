@@ -11,8 +11,8 @@ import pytest
 from deeptruck_cacc import MlpPolicy
 from deeptruck_cacc.controllers.export import export_onnx
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 
 onnxruntime.set_default_logger_severity(3)
 

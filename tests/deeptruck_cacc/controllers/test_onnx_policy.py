@@ -16,9 +16,9 @@ from deeptruck_cacc import MlpPolicy, load_policy
 from deeptruck_cacc.controllers.export import export_onnx
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
 from deeptruck_cacc.safety.guard import load_controller
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
 
 DOCS = Path(__file__).parents[3] / "docs"
 TRUCK = TruckInterface("volvo", "percent", "m/s^2")

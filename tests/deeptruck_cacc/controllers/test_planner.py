@@ -14,10 +14,10 @@ from deeptruck_cacc.controllers.planner import HELD, KNOTS_S, ROWS, Planner
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.hard_scenes import settled
 from deeptruck_cacc.environments.rollouts import roll_out
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import simulators, trucks
 from deeptruck_model.deep import Arguments, train
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks import driving_cycles
 
 NAMES = ("leader_speed", "speed", "gap", "target_time_gap", "grade")

@@ -21,9 +21,9 @@ from deeptruck_cacc.controllers.policy import MANIFEST, WEIGHTS
 from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.safety.guard import load_controller
-from deeptruck_model import files
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 
 SEEN = {"leader_speed": 20.0, "speed": 19.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.01}
 

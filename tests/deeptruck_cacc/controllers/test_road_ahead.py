@@ -8,7 +8,7 @@ import pytest
 from deeptruck_cacc import CaccEnv
 from deeptruck_cacc.controllers.road_ahead import AHEAD, AHEAD_M, Road
 from deeptruck_cacc.environments import scenes
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 
 def test_a_grade_is_straight_between_its_points_and_goes_on_at_the_ends():

@@ -12,7 +12,7 @@ from deeptruck_cacc import CaccEnv, Reward
 from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap, paper_signals
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.adapters import CaccGymEnv, CaccSb3VecEnv, CaccVectorEnv
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 
 def test_kinematics_are_the_papers_equations(toy):

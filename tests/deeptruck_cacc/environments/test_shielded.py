@@ -7,7 +7,7 @@ from gymnasium.utils.env_checker import check_env
 
 from deeptruck_cacc.environments.adapters import CaccGymEnv
 from deeptruck_cacc.environments.shielded import ShieldedEnv
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 FULL_THROTTLE = np.array([1.0, -1.0], np.float32)
 

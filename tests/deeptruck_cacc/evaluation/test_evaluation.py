@@ -14,8 +14,8 @@ from deeptruck_cacc.environments import hard_scenes
 from deeptruck_cacc.environments.rollouts import Trace, roll_out
 from deeptruck_cacc.evaluation import best_table, evaluate, metrics, platoon, report, table
 from deeptruck_cacc.evaluation.against_best import against_best, interval
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import sensible
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import sensible
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from deeptruck_cacc.environments.hard_scenes import long_following
 from deeptruck_cacc.environments.rollouts import Trace
 from deeptruck_cacc.evaluation import figures
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.signals import TruckInterface
 
 
 @pytest.fixture

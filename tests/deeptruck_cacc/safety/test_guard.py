@@ -12,8 +12,8 @@ from deeptruck_cacc.controllers.policy import MlpPolicy
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
 from deeptruck_cacc.safety.guard import Guard, guard, load_controller
 from deeptruck_cacc.safety.promise import Promise
+from deeptruck_core.signals import SPEED
 from deeptruck_model import trucks
-from deeptruck_model.signals import SPEED
 
 TRUCK = trucks.load("trucksim").interface
 STEADY = {"leader_speed": 20.0, "speed": 20.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.0}

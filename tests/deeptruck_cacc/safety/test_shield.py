@@ -14,9 +14,9 @@ from deeptruck_cacc.safety import proof, truck_limits
 from deeptruck_cacc.safety.guard import guard, load_controller
 from deeptruck_cacc.safety.promise import Promise
 from deeptruck_cacc.safety.shield import Shield
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import SPEED, TruckInterface
 from deeptruck_model import simulators
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import SPEED, TruckInterface
 
 PROMISE = Promise()
 COOLING = 3.4e-4 + 1.6e-5 * 20.0  # 1/s, at 20 m/s

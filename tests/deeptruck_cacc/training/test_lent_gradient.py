@@ -8,8 +8,8 @@ from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.training import analytic, train
 from deeptruck_cacc.training.lent_gradient import LentGradient, with_gradient
+from deeptruck_core.signals import SPEED
 from deeptruck_model import simulators
-from deeptruck_model.signals import SPEED
 
 torch.set_num_threads(1)
 

@@ -7,8 +7,8 @@ import pytest
 
 from deeptruck_cacc import cli, load_policy
 from deeptruck_cacc.training import sweep
-from deeptruck_model import files
-from deeptruck_model.errors import InputError
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
 
 TINY = {"iterations": [2], "rollouts": [2], "window": [20], "seeds": [2]}
 TRUCK = "truck:trucksim"

@@ -21,9 +21,9 @@ from deeptruck_cacc.training import analytic, progress, settings, train, validat
 from deeptruck_cacc.training.network import SeedBatch
 from deeptruck_cacc.training.road import Road
 from deeptruck_cacc.training.settings import TrpoConfig
-from deeptruck_model import files
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
 from deeptruck_model.deep.card import git_hash
-from deeptruck_model.errors import InputError
 
 torch.set_num_threads(1)
 QUICK = analytic.AnalyticConfig(seeds=2, rollouts=6, iterations=6, window=40, validate_every=3)

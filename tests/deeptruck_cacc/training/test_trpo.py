@@ -12,7 +12,7 @@ from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.training import paths, train, trpo
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve
 from deeptruck_cacc.training.stacked import StackedMlp
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 torch.set_num_threads(1)
 QUICK = trpo.TrpoConfig(seeds=2, iterations=3, environments=5, path=60, validate_every=2)

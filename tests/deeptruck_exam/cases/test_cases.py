@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_exam import tool
 from deeptruck_exam.cases.absorption import retune
 from deeptruck_exam.cases.build import build
@@ -13,7 +14,6 @@ from deeptruck_exam.cases.case import Case, further_drives, make_case, measure, 
 from deeptruck_exam.cases.plan import draw_plan
 from deeptruck_exam.scoring.evaluation import arrays, open_loop
 from deeptruck_model import simulators
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import read
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_exam.cases.levels import (
     LEVELS,
     NOT_RECORDED,
@@ -16,7 +17,6 @@ from deeptruck_exam.cases.levels import (
 )
 from deeptruck_exam.cases.plan import draw_plan
 from deeptruck_exam.worlds import trucks
-from deeptruck_model.errors import InputError
 
 
 @pytest.mark.parametrize("level", LEVELS)

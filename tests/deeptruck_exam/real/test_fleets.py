@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_exam.folder import check_real
 from deeptruck_exam.real.fleets import CHOSEN_ON, REPORTED, Fleet, Row, examine_real, page
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.trucks import driving_cycles
 
 LAYOUT = """name: made_up

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from deeptruck_core.signals import TruckInterface
 from deeptruck_exam.real import withheld
 from deeptruck_exam.real.withheld import (
     compare_profile,
@@ -11,7 +12,6 @@ from deeptruck_exam.real.withheld import (
     withhold,
 )
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import TruckInterface
 
 GRAVITY = 9.81
 

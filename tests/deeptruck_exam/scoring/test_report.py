@@ -4,12 +4,12 @@ import json
 
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_exam.command import prove
 from deeptruck_exam.jobs import Job, run_jobs
 from deeptruck_exam.scoring.figures import wilson
 from deeptruck_exam.scoring.page import write_page
 from deeptruck_exam.scoring.scoreboard import by_level, rare_by_information
-from deeptruck_model.errors import InputError
 
 
 def result(level, true, said, seed=0, **more):

@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import checks
 from deeptruck_model.cli.comparing import _a_drive
 from deeptruck_model.cli.simulators import _stated_mass
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.tables.columns import load_columns
-from deeptruck_model.signals import TruckInterface
 
 
 def test_a_drive_is_fitted_or_held_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,10 +16,10 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import cli, simulators, trucks
 from deeptruck_model.compare import compare, page, write
 from deeptruck_model.compare.alignment import By, Road
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, read, write_bag
 from deeptruck_model.simulators import free_run
 from deeptruck_model.trucks import driving_cycles

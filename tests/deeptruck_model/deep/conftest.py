@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import simulators
 from deeptruck_model.deep import Arguments, train
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import Simulator
 
 SMALL = Arguments(updates=240, hidden=24, decoder=16, rounds=6)

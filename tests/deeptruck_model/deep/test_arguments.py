@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model.deep.arguments import Arguments
-from deeptruck_model.errors import InputError
 
 
 @pytest.mark.parametrize(

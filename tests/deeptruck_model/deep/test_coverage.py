@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.deep import coverage, io
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import TruckInterface
 
 INTERFACE = TruckInterface("truck", "N m")
 N = 300

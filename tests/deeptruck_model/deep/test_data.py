@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.deep import data, train
 from deeptruck_model.deep.data import unexcited
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
 
 
 def test_sequences_stay_inside_their_piece(drive):

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model import files
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface, sensible
 from deeptruck_model.deep import DeepTruck, evaluate, report, statistics, train, trials
 from deeptruck_model.deep.evaluation import Trials, _interval, against_time, baselines, calibrated, inside
 from deeptruck_model.deep.truck import half_width
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface, sensible
 
 
 class Shifted:

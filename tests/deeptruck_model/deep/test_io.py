@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
 from deeptruck_model.deep import DeepTruck, io, resume
 from deeptruck_model.deep.data import Scales
 from deeptruck_model.deep.network import TruckNetwork
-from deeptruck_model.errors import InputError
 
 
 @pytest.fixture

@@ -6,10 +6,10 @@ import onnxruntime
 import pytest
 from typer.testing import CliRunner
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.cli import whole
 from deeptruck_model.deep import onnx_export, train
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
 
 
 def run(session, truck, u, w, y0):

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import torch
 
-from deeptruck_model import files, trucks
-from deeptruck_model._io import results
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
+from deeptruck_model import results, trucks
 from deeptruck_model.deep import Arguments, finished, resume, statistics, train, training, trials
 from deeptruck_model.deep.network import WEIGHTS
 from deeptruck_model.deep.training import DivergedError
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
 
 
 def weights(truck):

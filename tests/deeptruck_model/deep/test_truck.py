@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import simulators
 from deeptruck_model.deep import DeepTruck, Shape, TruckNetwork
 from deeptruck_model.deep.data import Scales
 from deeptruck_model.deep.network import WEIGHTS
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import Simulator, forced_run, free_run
 
 

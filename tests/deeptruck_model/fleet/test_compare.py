@@ -11,8 +11,8 @@ from urllib.parse import unquote
 
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.fleet import page, pool
 from deeptruck_model.fleet.compare import DONE, PREVIOUS, VERDICT, VERDICTS, Comparison, chosen, folder
 from deeptruck_model.fleet.extract import INDEX, RECEIPTS

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from pyarrow import fs
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.fleet.extract import INDEX, RECEIPTS, load
 from deeptruck_model.fleet.run import Fleet, Workers, extract
 from deeptruck_model.fleet.storage import Place, place
 from deeptruck_model.recordings import read, write_bag
-from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks import driving_cycles
 
 LAYOUT = "{truck}/{date}/*.mcap"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.fleet import plan
 from deeptruck_model.fleet.storage import place
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
 from deeptruck_model.cli.mismatch import road as road_command
-from deeptruck_model.errors import InputError
 from deeptruck_model.fleet import page
 from deeptruck_model.fleet.compare import DONE, VERDICT, folder
 from deeptruck_model.fleet.extract import INDEX

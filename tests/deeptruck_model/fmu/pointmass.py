@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks import driving_cycles
 
 SOURCE = Path(__file__).with_name("pointmass.c")

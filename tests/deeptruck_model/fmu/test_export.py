@@ -9,8 +9,8 @@ import pytest
 from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import simulators, trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.fmu import export, slave
 from deeptruck_model.trucks import driving_cycles
 

@@ -19,11 +19,11 @@ import fmpy
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import checks, simulators
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import find_mismatch
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import protocol_check
 from deeptruck_model.trucks import driving_cycles
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import checks
-from deeptruck_model.errors import InputError
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from deeptruck_cacc.environments.adapters import CaccGymEnv
+from deeptruck_core.errors import InputError
 from deeptruck_model import checks, simulators, trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Array, protocol_check
 from deeptruck_model.trucks import driving_cycles
 

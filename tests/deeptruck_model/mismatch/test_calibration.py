@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import simulators, trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.calibration import Calibration, calibrate
 from deeptruck_model.recordings import Recording, write_bag
 from deeptruck_model.trucks import driving_cycles

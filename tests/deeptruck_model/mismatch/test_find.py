@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from small_drives import TRUCK, drives
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import mismatch, trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 
 MASS = TRUCK.parameters()["mass"]

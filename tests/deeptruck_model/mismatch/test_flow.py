@@ -12,8 +12,8 @@ import jsonschema
 import pytest
 from small_drives import TRUCK, LazyBrake, drives
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import mismatch
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import Mismatch, find_mismatch
 from deeptruck_model.mismatch.prepare import LEFT_OUT
 from deeptruck_model.mismatch.report import lines

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import mismatch, simulators, trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import identifiable
 from deeptruck_model.mismatch.residual.sensitivity import REFIT_PARAMETERS
 from deeptruck_model.recordings import Recording

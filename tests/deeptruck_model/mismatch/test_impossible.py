@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import find_mismatch
 from deeptruck_model.trucks import driving_cycles
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from deeptruck_model._io.results import FOUND
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.mismatch.folders import APPLIED, applicable, check_road
+from deeptruck_model.results import FOUND
 
 
 def test_files_without_a_marker_are_the_users(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deeptruck_model._io.json_data import from_json, to_json
+from deeptruck_core.json_data import from_json, to_json
 from deeptruck_model.mismatch.fit_result import FitResult, Refitted, WithoutExogenous
 from deeptruck_model.mismatch.result import (
     Bound,

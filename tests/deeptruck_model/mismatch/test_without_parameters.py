@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deeptruck_core.constants import GRAVITY
 from deeptruck_model import trucks
-from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch import find_mismatch
 from deeptruck_model.mismatch.report.wording import COUNTS_AS_LEARNED
 from deeptruck_model.mismatch.result import Conclusion

@@ -11,10 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 import deeptruck_model
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import find_mismatch, load, mismatch, read
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, write_bag
-from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import (
     MinimalSimulator,
     Simulator,

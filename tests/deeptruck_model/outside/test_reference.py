@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import checks, simulators
-from deeptruck_model.errors import InputError
 from deeptruck_model.outside import reference
 
 
@@ -25,7 +25,7 @@ def test_the_factory_is_called_with_the_arguments(shuttle: Path) -> None:
 
 MODULE = """
 import sys
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 NUMBER = 5
 def raises(): raise RuntimeError("no licence\\nleft")
 def refuses(): raise InputError("no licence; buy one")
@@ -53,7 +53,7 @@ class Half:
         ("python:{m}:raises", r"raises\(\) raised RuntimeError at \w+.py:5 \(no licence left\); mend it"),
         ("python:{m}:refuses", "refuses: no licence; buy one"),
         ("python:{m}:leaves", r"raised SystemExit at \w+.py:7 \(bye\)"),
-        ("python:{m}:nothing", "returns is no simulator: it has no interface; add a deeptruck_model.signals"),
+        ("python:{m}:nothing", "returns is no simulator: it has no interface; add a deeptruck_core.signals"),
         ("python:{m}:Half", "its interface is a str; make it"),
         ("python:{m}:Half", r"it has no reset; add reset\(y0\) -> state"),
         ("python:{m}:Half", "its dt is 0.0; give s"),

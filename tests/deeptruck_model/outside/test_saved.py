@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import checks, simulators
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import CorrectedTruck
 from deeptruck_model.mismatch.correction.corrected_truck import Term
 from deeptruck_model.mismatch.mechanisms import variant

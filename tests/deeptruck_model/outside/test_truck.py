@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
-from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
 
 BARE = """

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import CHANNELS, TruckInterface
 
 sys.path.append(str(Path(__file__).parent))  # modules with bags and tables stand beside the tests
 

@@ -11,9 +11,9 @@ from foreign_bags import TYPES, S, bag_of, drive_messages, stamped, twist
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import read
-from deeptruck_model.signals import TruckInterface
 
 
 def refused(path: Path, match: str, **options: Any) -> None:

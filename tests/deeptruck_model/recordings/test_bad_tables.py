@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from csv_tables import SPEED, write_csv
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table
 
 

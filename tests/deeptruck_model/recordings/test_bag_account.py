@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from deeptruck_model._io.account import Account
-from deeptruck_model.errors import InputError
+from deeptruck_core.account import Account
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import read
 
 TOPICS = {

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from foreign_bags import bag_of, drive_messages
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import read, repair
 
 

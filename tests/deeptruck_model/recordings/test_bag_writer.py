@@ -11,9 +11,9 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import FAULTS, TruckInterface
 from deeptruck_model.recordings import Recording, read, write_bag
-from deeptruck_model.signals import FAULTS, TruckInterface
 
 
 def same(one: Recording, other: Recording) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from foreign_bags import Message, S, bag_of, number, twist
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import Recording, import_table, read
 from deeptruck_model.recordings.clocks import Queue
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface, sensible
 from deeptruck_model.recordings import Recording, Series, coverage, uniform
 from deeptruck_model.recordings.coverage_map import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES, judgement
-from deeptruck_model.signals import TruckInterface, sensible
 
 
 def steady(speed: float, acceleration: float, grade: float | None, count: int = 100) -> Recording:

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter, repair
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
@@ -187,7 +187,7 @@ def test_what_cannot_be_written(tmp_path: Path) -> None:
 
 FULL = """
 import resource, signal, sys
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))

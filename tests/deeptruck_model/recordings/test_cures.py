@@ -13,7 +13,7 @@ import pytest
 import yaml
 from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table
 
 Meaning = dict[str, Any]

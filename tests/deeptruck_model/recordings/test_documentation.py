@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from deeptruck_core.signals import CHANNELS, FAULTS
 from deeptruck_model.recordings import Recording, read
 from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.recordings.topic_map import load
-from deeptruck_model.signals import CHANNELS, FAULTS
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "recordings.md").read_text()

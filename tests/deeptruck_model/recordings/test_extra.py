@@ -10,7 +10,7 @@ import pytest
 import yaml
 from foreign_bags import Message, S, bag_of, number, twist
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table, read
 from deeptruck_model.recordings.editor_schemas import of_columns
 from deeptruck_model.recordings.tables.columns import load_columns

@@ -13,8 +13,8 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import Recording, read, write_bag
-from deeptruck_model.signals import TruckInterface
 
 
 def check(recordings: list[Recording], count: int = 300) -> None:

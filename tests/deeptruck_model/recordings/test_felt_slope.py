@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import import_table, read, write_bag
 from deeptruck_model.recordings.grade import felt_slope, with_slope
 from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
 DT, N = 0.1, 12_000

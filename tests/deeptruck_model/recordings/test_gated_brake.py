@@ -10,7 +10,7 @@ import pytest
 from csv_tables import write_csv
 from foreign_bags import Message, S, bag_of, number, twist
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import Recording, gated_brake, import_table, read
 
 T = np.round(0.1 * np.arange(300), 3)

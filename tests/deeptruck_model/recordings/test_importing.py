@@ -11,9 +11,9 @@ from csv_tables import EVERYTHING, SPEED, everything, write_csv
 from foreign_bags import bag_of, drive_messages
 from pyarrow import parquet
 
+from deeptruck_core.signals import CHANNELS, FAULTS, TruckInterface
 from deeptruck_model.recordings import import_table, read
 from deeptruck_model.recordings.consistency import sensors
-from deeptruck_model.signals import CHANNELS, FAULTS, TruckInterface
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from csv_tables import DATA
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import import_table, importing, read
-from deeptruck_model.signals import TruckInterface
 
 Importer = Callable[[Path, dict[str, Any]], Any]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.layout import Columns, Walker
 
 ODD = """

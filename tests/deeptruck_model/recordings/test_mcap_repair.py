@@ -9,8 +9,8 @@ from counted_bags import contents, fill, payload
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
-from deeptruck_model.errors import InputError
-from deeptruck_model.files import Result
+from deeptruck_core.errors import InputError
+from deeptruck_core.files import Result
 from deeptruck_model.recordings import CrashSafeWriter, mcap_repair, repair
 
 KIND = Result("a bag of this test")

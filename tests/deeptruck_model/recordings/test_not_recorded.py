@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model.recordings import (
     Recording,
     coverage,
@@ -19,7 +20,6 @@ from deeptruck_model.recordings import (
     write_bag,
 )
 from deeptruck_model.recordings.not_recorded import INPUTS, not_recorded
-from deeptruck_model.signals import CHANNELS, TruckInterface
 
 PAGE = Path(__file__).parents[3] / "docs" / "recordings.md"
 CHANNELS_OF = {

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from foreign_bags import TYPES, Message, S, bag_of, stamped, twist
 
-from deeptruck_model._io.account import Tally
+from deeptruck_core.account import Tally
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import Recording, read, write_bag
 from deeptruck_model.recordings.not_recorded import not_recorded
-from deeptruck_model.signals import TruckInterface
 
 COUNT = 600  # of 10 Hz, a minute
 INTERFACE = TruckInterface("truck", engine_unit="percent", brake_unit="percent", grade=False, fuel=False)

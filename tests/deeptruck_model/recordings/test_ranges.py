@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from deeptruck_model._io.account import Tally
-from deeptruck_model.errors import InputError
+from deeptruck_core.account import Tally
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings.ranges import Range
-from deeptruck_model.signals import TruckInterface
 
 
 def test_reversing_is_in_the_range_of_speed_down_to_15_km_h() -> None:

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import CHANNELS, TruckInterface
 
 
 def test_a_recording_says_what_it_is_in_a_line() -> None:

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from deeptruck_model._io.account import Account
-from deeptruck_model._io.json_data import to_json
-from deeptruck_model.errors import InputError
+from deeptruck_core.account import Account
+from deeptruck_core.errors import InputError
+from deeptruck_core.json_data import to_json
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import Recording, Series, uniform
 from deeptruck_model.recordings.resample import Resampler
-from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
 TRUCK = TruckInterface("t", brake_unit=None, grade=False, fuel=False)

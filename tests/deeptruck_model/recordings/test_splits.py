@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import Recording, data_hash, split
 from deeptruck_model.recordings.splits import refuse_shared
-from deeptruck_model.signals import TruckInterface
 
 
 def counting(count: int, start: int = 0) -> Recording:

@@ -8,7 +8,7 @@ from csv_tables import COLUMNS, drive, write_csv
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table
 
 MEANING = {

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS
 from deeptruck_model.recordings.units import conversion, known_units
-from deeptruck_model.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import trucks
-from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import protocol_check
 from deeptruck_model.simulators.protocol_check import Mark
 

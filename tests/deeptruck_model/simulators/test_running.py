@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.simulators import Run, completed, forced_run, free_run, protocol_check, run
 from deeptruck_model.simulators.protocol_check import Mark
 from deeptruck_model.simulators.running import said_of_rollout, stepped

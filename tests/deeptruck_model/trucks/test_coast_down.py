@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.trucks.coast_down import UNITS, CoastDown
 
 PRINTED = "mass: 24000\ncoast_down: {a: 240.0, b: 1.1, c: 0.19, unit: 'lbf, mph'}\n"

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import simulators, trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PhysicsTruck
 from deeptruck_model.trucks.driven_controls import learned

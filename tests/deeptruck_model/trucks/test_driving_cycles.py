@@ -7,9 +7,9 @@ from math import ceil, exp
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import CHANNELS
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import CHANNELS
 from deeptruck_model.trucks.driving_cycles import (
     FREEWAY,
     YARD,

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import checks, simulators
-from deeptruck_model.errors import InputError
 from deeptruck_model.trucks import own_truck
 
 DATA = {

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import simulators, trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
 
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from deeptruck_model._io.account import Account
+from deeptruck_core.account import Account
 from deeptruck_model.recordings import import_table, read
 from truck_bridge import can_logs, vehicles
 from truck_bridge.bus_connection import BusConnection

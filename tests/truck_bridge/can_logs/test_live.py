@@ -15,7 +15,7 @@ import can
 import pytest
 from mcap.writer import Writer
 
-from deeptruck_model import files
+from deeptruck_core import files
 from truck_bridge import can_logs
 from truck_bridge.errors import InputError
 from truck_bridge.log_files import WRITABLE, check_new_table

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table
 from truck_bridge import can_logs
 from truck_bridge.j1939 import load

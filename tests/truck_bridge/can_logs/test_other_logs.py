@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from deeptruck_model._io.account import Account
+from deeptruck_core.account import Account
 from deeptruck_model.recordings import import_checks
 from truck_bridge import can_logs
 from truck_bridge.can_logs.frames import Kind

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
-from deeptruck_model import files
-from deeptruck_model.errors import InputError
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
 
 METADATA = "metadata.yaml"
 BAG = files.Result("a recorded bag", elsewhere="choose another --record")

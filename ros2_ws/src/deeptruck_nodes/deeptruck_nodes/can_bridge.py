@@ -11,7 +11,7 @@ from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallba
 from sensor_msgs.msg import JointState, Range
 from std_srvs.srv import Trigger
 
-from deeptruck_model.signals import FAULTS
+from deeptruck_core.signals import FAULTS
 from deeptruck_nodes import messages
 from deeptruck_nodes.messages import nanoseconds
 from deeptruck_nodes.node import DeeptruckNode, run, say

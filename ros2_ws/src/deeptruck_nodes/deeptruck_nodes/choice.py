@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 T = TypeVar("T")
 

@@ -10,7 +10,7 @@ from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import JointState, Range
 
 from deeptruck_cacc.safety.guard import load_controller
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.signals import TruckInterface
 from deeptruck_nodes import messages, run_summary
 from deeptruck_nodes.following import Following
 from deeptruck_nodes.messages import nanoseconds

@@ -12,7 +12,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 
 DOMAIN = "ROS_DOMAIN_ID"
 ENDED = "ended.txt"  # in the folder of a run: why it ended

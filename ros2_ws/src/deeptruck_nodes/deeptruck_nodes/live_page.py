@@ -22,8 +22,8 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState, Range
 
-from deeptruck_model.pages import local
-from deeptruck_model.signals import TruckInterface
+from deeptruck_core.pages import local
+from deeptruck_core.signals import TruckInterface
 from deeptruck_nodes import messages
 from deeptruck_nodes.environment import ENDED
 from deeptruck_nodes.messages import LEVELS, SECOND, nanoseconds

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_nodes import messages, parameters
 from deeptruck_nodes.lifeline import Lifeline
 from deeptruck_nodes.messages import SECOND

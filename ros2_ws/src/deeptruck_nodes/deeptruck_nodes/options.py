@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from deeptruck_model._terminal import console
-from deeptruck_model.files import OVERWRITE_HELP
+from deeptruck_core.files import OVERWRITE_HELP
+from deeptruck_core.terminal import console
 
 RUNS = Path("runs")
 

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from deeptruck_model import checks, files
-from deeptruck_model.errors import InputError
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_model import checks
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import ACCELERATION, FUEL, SPEED
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import ACCELERATION, FUEL, SPEED
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.trucks.accelerometer import Accelerometer
 from deeptruck_nodes.roads import Road

@@ -12,7 +12,7 @@ from pathlib import Path
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.subscription import Subscription
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, BagSource
 from deeptruck_nodes import bag_place

@@ -13,7 +13,7 @@ from pathlib import Path
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.bag_source import BagSource
 from deeptruck_nodes import messages
 from deeptruck_nodes.messages import SECOND

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import deeptruck_model._terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
+import deeptruck_core.terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
 
 # isort: split
 from pathlib import Path

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.pages import local
+from deeptruck_core.signals import TruckInterface
+from deeptruck_core.terminal import console
 from deeptruck_model import checks
-from deeptruck_model._terminal import console
 from deeptruck_model.checks.compatibility import Given, Taken, misfits
-from deeptruck_model.errors import InputError
-from deeptruck_model.pages import local
-from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import parameters
 
 T = TypeVar("T")

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.pages import local
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import checks
-from deeptruck_model.errors import InputError
-from deeptruck_model.pages import local
-from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import bag_place, environment, parameters, run_checks, run_summary
 from deeptruck_nodes.page import place
 from deeptruck_nodes.run_checks import Misfits, Sections

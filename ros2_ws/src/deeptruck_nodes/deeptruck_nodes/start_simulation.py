@@ -4,7 +4,7 @@ controller and recorder.
 
 from __future__ import annotations
 
-import deeptruck_model._terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
+import deeptruck_core.terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
 
 # isort: split
 from typing import Annotated

@@ -4,14 +4,14 @@ an ECU emulator.
 
 from __future__ import annotations
 
-import deeptruck_model._terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
+import deeptruck_core.terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
 
 # isort: split
 from typing import Annotated, Any
 
 import typer
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_nodes import options, runs
 
 EXAMPLES = """

@@ -18,9 +18,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
-from deeptruck_model._io import reading
-from deeptruck_model._terminal import console
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.terminal import console
 from deeptruck_nodes.choice import require
 
 SCENARIOS = Path(__file__).parent / "scenarios"

@@ -10,8 +10,8 @@ import time
 from geometry_msgs.msg import AccelStamped
 from sensor_msgs.msg import JointState
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
-from deeptruck_model.errors import InputError
 from deeptruck_nodes import messages, roads
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_model._imports.compiler import numba
+from deeptruck_core.imports.compiler import numba
 from deeptruck_model.deep.network import (
     GEAR_OFFSET,
     GEAR_SPEED,

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io import reading
-from deeptruck_model._io.json_data import from_json, to_json
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.json_data import from_json, to_json
+from deeptruck_core.signals import FELT, TruckInterface
 from deeptruck_model.mismatch.correction.added import Added, State, TruckWithForces
 from deeptruck_model.mismatch.expression import Expression, Rerun
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, build, saved
@@ -25,7 +26,6 @@ from deeptruck_model.mismatch.residual import effective_mass
 from deeptruck_model.mismatch.residual.components import Shares, force_of
 from deeptruck_model.mismatch.tree import joined
 from deeptruck_model.outside.truck import keep
-from deeptruck_model.signals import FELT, TruckInterface
 from deeptruck_model.simulators import MANIFEST, Run, Simulator, run
 from deeptruck_model.simulators import load as load_simulator
 from deeptruck_model.simulators.running import stepped

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_model.mismatch.correction import side_by_side
 from deeptruck_model.mismatch.correction.added import TruckWithForces
 from deeptruck_model.mismatch.correction.corrected_truck import EXOGENOUS
@@ -16,7 +17,6 @@ from deeptruck_model.mismatch.fit_result import Errors, FreeRunErrors, Improveme
 from deeptruck_model.mismatch.mechanisms.own import EXTRA
 from deeptruck_model.mismatch.residual.evidence import turns
 from deeptruck_model.mismatch.rules import Limits
-from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator, run
 from deeptruck_model.simulators.running import stepped
 

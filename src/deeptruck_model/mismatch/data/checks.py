@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.constants import GRAVITY
+from deeptruck_core.constants import GRAVITY
+from deeptruck_core.signals import channel_of
+from deeptruck_core.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.consistency import accelerometer
 from deeptruck_model.recordings.consistency.agreement import ACCELEROMETERS, SPEEDS, factor_of
 from deeptruck_model.recordings.consistency.windows import CORRELATED
 from deeptruck_model.recordings.not_recorded import unrecorded_braking
-from deeptruck_model.signals import channel_of
-from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 Array = NDArray[np.float64]
 

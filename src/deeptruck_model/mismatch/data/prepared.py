@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_core.constants import GRAVITY
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import FELT, FELT_SD, SPEED, TruckInterface
+from deeptruck_core.vehicle_kinds import LEAST_SPEED, NO_COASTING
 from deeptruck_model.checks.compatibility import how_without
-from deeptruck_model.constants import GRAVITY
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.checks import noise_of, observed_acceleration
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.grade import felt_slope
-from deeptruck_model.signals import FELT, FELT_SD, SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
-from deeptruck_model.vehicle_kinds import LEAST_SPEED, NO_COASTING
 
 BRAKE = "brake_command"
 SAME_DRIVES = (

@@ -9,15 +9,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import SPEED
+from deeptruck_core.vehicle_kinds import CLUTCH_CLOSED
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.data.prepared import Prepared, fed
 from deeptruck_model.mismatch.roads.one_road import driven_by_positions
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings.consistency.agreement import SPEEDS, factor_of
-from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator, forced_run
-from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED
 
 Array = NDArray[np.float64]
 

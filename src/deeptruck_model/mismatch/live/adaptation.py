@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from deeptruck_core.constants import GRAVITY
+from deeptruck_core.errors import InputError
+from deeptruck_core.vehicle_kinds import STEEPEST
 from deeptruck_model.checks import calls
-from deeptruck_model.constants import GRAVITY
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import unrecorded
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data import checks
@@ -36,7 +37,6 @@ from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.several import Drives
 from deeptruck_model.recordings.several import drives as known
 from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
-from deeptruck_model.vehicle_kinds import STEEPEST
 
 Array = NDArray[np.float64]
 

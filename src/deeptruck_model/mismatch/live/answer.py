@@ -12,8 +12,8 @@ from functools import lru_cache
 
 from threadpoolctl import threadpool_limits
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.find import compared
 from deeptruck_model.mismatch.live.adaptation import adapt, with_own

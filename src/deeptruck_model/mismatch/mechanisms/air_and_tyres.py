@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from deeptruck_core.signals import FELT
 from deeptruck_model.mismatch.expression import (
     Expression,
     Lag,
@@ -31,7 +32,6 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     quantile,
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.signals import FELT
 
 NOBODY_M = 1e4  # a gap behind nobody
 FAR_M = 150.0  # the same, on a curve

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from deeptruck_model.constants import GRAVITY
+from deeptruck_core.constants import GRAVITY
 from deeptruck_model.mismatch.expression import Rerun, lift
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Form, Mechanism, grid
 from deeptruck_model.mismatch.residual.evidence import Evidence

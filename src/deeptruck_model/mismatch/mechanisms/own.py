@@ -9,12 +9,12 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_args
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import CHANNELS
 from deeptruck_model.checks import calls
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.mechanisms.record import Curve, Family, Form, Mechanism
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import CHANNELS
 
 EXTRA, SENSITIVITY = "extra: ", "sensitivity:"  # begins of names: a channel of the user's, a parameter
 DERIVED = frozenset({"rolling", "effective_mass_gain", "place"})  # in addition to what mechanisms take

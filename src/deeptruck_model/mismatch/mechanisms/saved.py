@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from deeptruck_model._io import json_data
+from deeptruck_core import json_data
 from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, COURSES, Course
 from deeptruck_model.mismatch.mechanisms.record import Curve, Mechanism, Variant
 

@@ -20,7 +20,7 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-from deeptruck_model._io.json_data import HIDDEN, stored
+from deeptruck_core.json_data import HIDDEN, stored
 from deeptruck_model.mismatch.posterior.fitted import narrowed
 from deeptruck_model.mismatch.posterior.kernels import LAWS, UNKNOWN, VARYING, Kernel, kernels, without
 from deeptruck_model.mismatch.posterior.posterior import Posterior, first_look, posterior

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from deeptruck_model.constants import GRAVITY
+from deeptruck_core.constants import GRAVITY
+from deeptruck_core.signals import FELT, FELT_SD
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.courses import FINE_M, SLOW_KNOT_S
 from deeptruck_model.mismatch.mechanisms.road import HILLY
@@ -26,7 +27,6 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, Series, fit, ridge, whiten
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN
-from deeptruck_model.signals import FELT, FELT_SD
 
 Array = NDArray[np.float64]
 

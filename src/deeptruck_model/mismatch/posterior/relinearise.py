@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, with_felt_slope
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import EachDrive

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.signals import SPEED
 from deeptruck_model.mismatch.fit_result import Errors
 from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.report.wording import spoken
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.result import Segment, Verdict
-from deeptruck_model.signals import SPEED
 
 Array = NDArray[np.float64]
 

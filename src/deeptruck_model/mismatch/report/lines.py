@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from deeptruck_core.signals import Said, Speed, printed
+from deeptruck_core.vehicle_kinds import LEAST_SPEED
 from deeptruck_model.mismatch.budget import Part
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
@@ -24,8 +26,6 @@ from deeptruck_model.mismatch.result import Answer, Conclusion, Finding, Kind, S
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.strength import Strength
 from deeptruck_model.mismatch.tree import FAMILY, LEFT_OVER, UNKNOWN, Node
-from deeptruck_model.signals import Said, Speed, printed
-from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
 HEADLINES = {
     Conclusion.NOTHING: "Nothing that matters is missing",

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
-from deeptruck_model import pages
+from deeptruck_core import pages
+from deeptruck_core.signals import Said, Speed, shown, speed_unit
 from deeptruck_model.mismatch import folders
 from deeptruck_model.mismatch.budget import Part
 from deeptruck_model.mismatch.found import Mismatch
@@ -19,7 +20,6 @@ from deeptruck_model.mismatch.residual.evidence import unit
 from deeptruck_model.mismatch.result import Finding, Verdict
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import LEFT_OVER, UNKNOWN
-from deeptruck_model.signals import Said, Speed, shown, speed_unit
 
 LEAST_SHARE = 0.005  # of the budget: a smaller part has no row
 ROWS = {"before": "as given", "parameters_only": "parameters refitted alone", "after": "corrected"}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from deeptruck_core.signals import Said, Speed
 from deeptruck_model.mismatch import folders
-from deeptruck_model.signals import Said, Speed
 
 SENSOR_MANOEUVRE = "drive a known distance and compare each sensor with it"
 UNKNOWN_FORCE = "a force that follows no mechanism of the library"

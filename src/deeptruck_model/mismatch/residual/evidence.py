@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import lfilter
 
+from deeptruck_core.signals import printed
+from deeptruck_core.vehicle_kinds import CLUTCH_CLOSED, UNSTATED, VehicleKind
 from deeptruck_model.mismatch.residual.noise import Series
 from deeptruck_model.mismatch.rules import Limits, Rules
-from deeptruck_model.signals import printed
-from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED, UNSTATED, VehicleKind
 
 Array = NDArray[np.float64]
 

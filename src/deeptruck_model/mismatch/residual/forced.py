@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import ACCELERATION
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
 from deeptruck_model.mismatch.residual.evidence import DriveRows
-from deeptruck_model.signals import ACCELERATION
 from deeptruck_model.simulators import Run, Simulator, forced_run, free_run
 
 Array = NDArray[np.float64]

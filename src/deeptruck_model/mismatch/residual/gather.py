@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import ACCELERATION, SPEED
+from deeptruck_core.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, quantum
 from deeptruck_model.mismatch.residual import components, effective_mass
 from deeptruck_model.mismatch.residual.command_path import changed
@@ -26,9 +28,7 @@ from deeptruck_model.mismatch.residual.shift_moment import (
     samples_apart,
 )
 from deeptruck_model.mismatch.rules import Limits, Rules
-from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
-from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

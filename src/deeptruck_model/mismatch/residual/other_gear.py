@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_opening
 
+from deeptruck_core.signals import SPEED
+from deeptruck_core.vehicle_kinds import CLUTCH_CLOSED, GEARS_APART
 from deeptruck_model.mismatch.data.prepared import Prepared, fed
-from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Run, Simulator
-from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED, GEARS_APART
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

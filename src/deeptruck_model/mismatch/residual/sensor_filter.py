@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from deeptruck_model.constants import GRAVITY
+from deeptruck_core.constants import GRAVITY
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Prior
 

@@ -15,7 +15,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.mismatch.folders import FIND_FIRST, PROFILE, check_road
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording

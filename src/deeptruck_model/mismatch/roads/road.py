@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammainc
 
+from deeptruck_core.signals import FELT
+from deeptruck_core.vehicle_kinds import LARGEST_DERATE, STEEPEST, STRONGEST_WIND
 from deeptruck_model.mismatch.names import Named
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.roads.road_lock import LENGTH_M, RoadLock, road_lock
 from deeptruck_model.mismatch.roads.slow_force import plain_truck, slow_force
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import UNKNOWN, Tree
-from deeptruck_model.signals import FELT
-from deeptruck_model.vehicle_kinds import LARGEST_DERATE, STEEPEST, STRONGEST_WIND
 
 Array = NDArray[np.float64]
 

@@ -12,13 +12,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import channel_of
 from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.roads.one_road import STEP_M, headed
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import channel_of
 
 Array = NDArray[np.float64]
 Cell = tuple[int, int, str]

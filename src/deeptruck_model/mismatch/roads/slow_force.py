@@ -18,7 +18,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import nnls
 from scipy.stats import theilslopes
 
-from deeptruck_model.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
+from deeptruck_core.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
 from deeptruck_model.mismatch.residual.components import (
     DRIVELINE,
     EFFICIENCY,

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.signals import FELT
 from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.correction.model import Correction
@@ -28,7 +29,6 @@ from deeptruck_model.mismatch.strength import strength, visible
 from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, LEFT_OVER, PLACE, ROOT, SLOW, UNKNOWN, Tree
 from deeptruck_model.mismatch.unrecorded import names_behind
 from deeptruck_model.mismatch.verdict.where import PRINTED
-from deeptruck_model.signals import FELT
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.json_data import stored
+from deeptruck_core.json_data import stored
+from deeptruck_core.signals import FELT, FELT_SD
 from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.posterior.posterior import SLOW_S
@@ -20,7 +21,6 @@ from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.forced import Grid
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
-from deeptruck_model.signals import FELT, FELT_SD
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.constants import GRAVITY
+from deeptruck_core.constants import GRAVITY
 from deeptruck_model.recordings.consistency.windows import (
     CORRELATED,
     DRIVING_M_S,

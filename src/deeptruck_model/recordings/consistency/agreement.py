@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.constants import GRAVITY
+from deeptruck_core.constants import GRAVITY
+from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model.recordings.channel_words import LEADER
 from deeptruck_model.recordings.consistency.accelerometer import UNRELATED, accelerometer
 from deeptruck_model.recordings.consistency.windows import (
@@ -28,7 +29,6 @@ from deeptruck_model.recordings.interpolate import Series
 from deeptruck_model.recordings.ranges import Seen
 from deeptruck_model.recordings.recording import FROM_SPEED, Recording
 from deeptruck_model.recordings.tables.header_words import header
-from deeptruck_model.signals import CHANNELS, TruckInterface
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.account import moment
+from deeptruck_core.account import moment
+from deeptruck_core.signals import CHANNELS
+from deeptruck_core.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S
-from deeptruck_model.signals import CHANNELS
-from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings.candidates import OURS, Candidate, Proposal
 from deeptruck_model.recordings.consistency import accelerometer, agreement, sensors
 from deeptruck_model.recordings.consistency.impossible import changed_unit, lost_decimals
@@ -22,7 +23,6 @@ from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.resample import uniform
 from deeptruck_model.recordings.topic_map import Taken
 from deeptruck_model.recordings.units import conversion
-from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
 Values = Callable[[Candidate], tuple[Array, Array] | None]

@@ -12,7 +12,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.consistency import accelerometer, agreement
 from deeptruck_model.recordings.consistency.impossible import (
     LEAST_JUMPS,

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import units
 from deeptruck_model.recordings.tables.header_words import spelled
 

@@ -11,8 +11,8 @@ import numpy as np
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from deeptruck_model._io.reading import plain
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.reading import plain
 from deeptruck_model.recordings.candidates import DEMANDS, FIELD, TOPIC, Candidate
 from deeptruck_model.recordings.channel_words import (
     BY_WORDS,

@@ -11,14 +11,14 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import SLOPE_FROM, check_driver, check_slope_source
+from deeptruck_core.vehicle_kinds import check_vehicle
 from deeptruck_model.recordings import topic_map
 from deeptruck_model.recordings.tables.csv_text import Format
 from deeptruck_model.recordings.topic_map import EXTRA, Entries, Source, check_keys, load_yaml, number
 from deeptruck_model.recordings.units import DIESEL_DENSITY, TIME_UNITS, conversion
-from deeptruck_model.signals import SLOPE_FROM, check_driver, check_slope_source
-from deeptruck_model.vehicle_kinds import check_vehicle
 
 DATE_UNITS = ("iso", "iso8601", "datetime")
 

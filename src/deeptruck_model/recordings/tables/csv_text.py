@@ -15,9 +15,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import csv
 
-from deeptruck_model._io import reading
-from deeptruck_model._io.account import Account
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.account import Account
+from deeptruck_core.errors import InputError
 
 DELIMITERS = ",;\t| "  # one of these is found by the header where none is given; blanks may be several
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}

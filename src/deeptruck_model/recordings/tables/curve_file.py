@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io import reading
-from deeptruck_model._io.account import Account
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.account import Account
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.consistency.impossible import impossible
 from deeptruck_model.recordings.tables.csv_text import CsvText, Format
 from deeptruck_model.recordings.tables.row_keys import key_of

@@ -7,11 +7,11 @@ import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from deeptruck_model._io.reading import package_yaml
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.reading import package_yaml
+from deeptruck_core.signals import CHANNELS
 from deeptruck_model.recordings.channel_words import BY_WORDS, COMMANDED, STATISTIC, UNIT_WORDS, words
 from deeptruck_model.recordings.units import TIME_UNITS, conversion
-from deeptruck_model.signals import CHANNELS
 
 _DATA = package_yaml(__package__, "header_words.yaml")
 TIME = frozenset(_DATA["time"])

@@ -10,8 +10,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from deeptruck_model._io import reading
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
 
 SUFFIX = ".mat"
 MOST_IN_A_MATRIX = 64  # columns of a matrix

@@ -11,8 +11,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from deeptruck_model._io.account import Account
-from deeptruck_model.errors import InputError
+from deeptruck_core.account import Account
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.candidates import yaml_text
 from deeptruck_model.recordings.tables.columns import Clock
 from deeptruck_model.recordings.tables.header_words import NO_TIME, TIME, Header

@@ -12,8 +12,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from deeptruck_model._io.reading import plain
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.reading import plain
 from deeptruck_model.recordings.tables.column import Column, floats
 from deeptruck_model.recordings.tables.table_file import Table
 

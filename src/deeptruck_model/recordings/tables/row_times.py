@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.tables.columns import DATE_UNITS, Clock
 from deeptruck_model.recordings.tables.row_keys import copies, merged
 from deeptruck_model.recordings.tables.table_file import Table, shown

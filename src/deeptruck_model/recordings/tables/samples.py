@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.account import Account
-from deeptruck_model.errors import InputError
+from deeptruck_core.account import Account
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.extract import SIDEWAYS
 from deeptruck_model.recordings.interpolate import HELD
 from deeptruck_model.recordings.tables.columns import Columns

@@ -18,10 +18,10 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import parquet
 
-from deeptruck_model._io import reading
-from deeptruck_model._io.account import Account
-from deeptruck_model._io.formats import PARQUET
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.account import Account
+from deeptruck_core.errors import InputError
+from deeptruck_core.formats import PARQUET
 from deeptruck_model.recordings.tables import mat_file
 from deeptruck_model.recordings.tables.column import GROUPED, Column, has_mark
 from deeptruck_model.recordings.tables.csv_text import BLANK, SAMPLED, CsvText, Format

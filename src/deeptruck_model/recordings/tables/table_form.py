@@ -7,9 +7,9 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from deeptruck_model._io import reading
-from deeptruck_model._io.formats import check_measurement
-from deeptruck_model.errors import InputError
+from deeptruck_core import reading
+from deeptruck_core.errors import InputError
+from deeptruck_core.formats import check_measurement
 from deeptruck_model.recordings.tables.column import STATES
 from deeptruck_model.recordings.tables.column import WITH_UNIT as OF_UNIT
 from deeptruck_model.recordings.tables.csv_text import (

@@ -12,7 +12,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.reading import plain
+from deeptruck_core.reading import plain
+from deeptruck_core.signals import CHANNELS
 from deeptruck_model.recordings.candidates import DEMANDS, Candidate, Proposal, span, yaml_text
 from deeptruck_model.recordings.channel_words import (
     named_channels,
@@ -40,7 +41,6 @@ from deeptruck_model.recordings.tables.row_keys import Key, key_of, only, widene
 from deeptruck_model.recordings.tables.table_file import Table, read_table
 from deeptruck_model.recordings.tables.table_form import find_form
 from deeptruck_model.recordings.topic_map import EXTRA
-from deeptruck_model.signals import CHANNELS
 
 Array = NDArray[np.float64]
 

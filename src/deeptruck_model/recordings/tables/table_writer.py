@@ -9,11 +9,11 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import csv, parquet
 
-from deeptruck_model import files
-from deeptruck_model._io.formats import WRITTEN
-from deeptruck_model.errors import InputError
+from deeptruck_core import files
+from deeptruck_core.errors import InputError
+from deeptruck_core.formats import WRITTEN
+from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.signals import CHANNELS, TruckInterface
 
 
 def check_table(path: Path) -> None:

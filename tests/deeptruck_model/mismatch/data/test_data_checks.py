@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.checks import derivative
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import TruckInterface
 
 DT, N = 0.1, 3000
 INTERFACE = TruckInterface("test", fuel=False)

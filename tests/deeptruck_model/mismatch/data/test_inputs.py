@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import each_once, same_signals
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import driving_cycles

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deeptruck_core.signals import FUEL
+from deeptruck_core.vehicle_kinds import LEAST_SPEED
 from deeptruck_model import trucks
 from deeptruck_model.deep import coverage
 from deeptruck_model.mismatch.data import prepared
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import FUEL
 from deeptruck_model.trucks import driving_cycles
-from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
 TRUCK = trucks.load("trucksim")
 

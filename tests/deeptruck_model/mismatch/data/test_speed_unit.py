@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import SPEED
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks, speed_unit
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings.consistency.agreement import ACCELEROMETERS, SPEEDS, factor_of
-from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Run
 from deeptruck_model.trucks import driving_cycles
 

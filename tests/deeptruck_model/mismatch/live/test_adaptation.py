@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from small_drives import TRUCK, drives
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.improvement import free_windows
 from deeptruck_model.mismatch.live.adaptation import _quantity, adapt, begin, with_own
 from deeptruck_model.mismatch.live.own import Own, Quantity, State

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from deeptruck_core.signals import ACCELERATION
 from deeptruck_model import simulators, trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.carriers import factors
-from deeptruck_model.signals import ACCELERATION
 
 BASE = trucks.load("trucksim")
 WIND = Term("headwind", (variant("one wind", wind_m_s=4.0),), (1.2,))

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_core.constants import GRAVITY
+from deeptruck_core.errors import InputError
 from deeptruck_model import simulators, trucks
-from deeptruck_model.constants import GRAVITY
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import LIBRARY, find_mismatch, write
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import free_run

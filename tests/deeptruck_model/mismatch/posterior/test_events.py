@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lfilter
 from small_drives import DT, N, evidence, regression
 
-from deeptruck_model._io.json_data import from_json, to_json
+from deeptruck_core.json_data import from_json, to_json
 from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.events import (
     CLIP,

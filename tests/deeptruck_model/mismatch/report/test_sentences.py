@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deeptruck_core.signals import shown
 from deeptruck_model.mismatch.budget import Budget, Part
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.fit_result import FitResult, FreeRunErrors, Improvement, Refitted, Rmse
@@ -29,7 +30,6 @@ from deeptruck_model.mismatch.result import (
 )
 from deeptruck_model.mismatch.strength import Strength
 from deeptruck_model.mismatch.verdict.findings import of_fault
-from deeptruck_model.signals import shown
 
 PAYLOAD = Finding(
     Kind.PHYSICS, "payload_change", "load", "payload_change", "the mass changed", "m -> m + dm", {},

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.residual.command_path import CommandPath, changed
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import TruckInterface
 
 DT, N = 0.1, 400
 CHANNELS = ("engine_command", "brake_command")

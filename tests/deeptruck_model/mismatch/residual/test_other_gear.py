@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.mismatch.residual.other_gear import other_gear, with_predicted_gears
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import TruckInterface
 
 N, DT = 400, 0.1
 SPEED = np.full(N, 15.0)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.mechanisms import variant

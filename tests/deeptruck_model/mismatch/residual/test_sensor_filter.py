@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.constants import GRAVITY
+from deeptruck_core.constants import GRAVITY
 from deeptruck_model.mismatch.posterior.posterior import gains
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual import sensor_filter

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model._io.json_data import from_json, to_json
+from deeptruck_core.json_data import from_json, to_json
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from deeptruck_model.constants import GRAVITY
+from deeptruck_core.constants import GRAVITY
 from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
 from deeptruck_model.mismatch.roads.slow_force import SlowForce, slow_force
 

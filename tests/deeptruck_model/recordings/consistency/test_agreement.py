@@ -10,7 +10,7 @@ import pytest
 import yaml
 from csv_tables import drive, speed, write_csv
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table, suggest_columns
 
 D = drive(6000)

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.consistency import gears
 from deeptruck_model.trucks import driving_cycles

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table
 from deeptruck_model.recordings.consistency.impossible import (
     FROZEN,

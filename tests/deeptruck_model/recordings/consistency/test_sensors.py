@@ -14,14 +14,14 @@ from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, import_table, suggest_columns
 from deeptruck_model.recordings.consistency import accelerometer, impossible, sensors
 from deeptruck_model.recordings.consistency.proposals import unit_of
 from deeptruck_model.recordings.recording import FROM_SPEED
 from deeptruck_model.recordings.resample import Series
-from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks import driving_cycles
 
 ACCELERATION = {"column": "a", "unit": "m/s^2"}

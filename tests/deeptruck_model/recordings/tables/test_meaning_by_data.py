@@ -14,11 +14,11 @@ from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
 from pyarrow import parquet
 from scipy.io import savemat
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import import_table, suggest_columns
 from deeptruck_model.recordings.resample import Series, uniform
 from deeptruck_model.recordings.tables.curve_file import read_curve
-from deeptruck_model.signals import TruckInterface
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 D = drive()

@@ -12,7 +12,7 @@ import pytest
 from csv_tables import SPEED, write_csv
 from pyarrow import parquet
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table
 from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.recordings.tables.row_times import timed

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyarrow import parquet
 
-from deeptruck_model._io.json_data import to_json
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
+from deeptruck_core.json_data import to_json
 from deeptruck_model.recordings import import_table
 from deeptruck_model.recordings.tables.column import floats
 from deeptruck_model.recordings.tables.csv_text import BLANK, RAGGED, UNCLOSED, Format

@@ -13,7 +13,7 @@ import yaml
 from numpy.typing import NDArray
 from pyarrow import parquet
 
-from deeptruck_model.errors import InputError
+from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import TableSuggestion, import_table, suggest_columns
 from deeptruck_model.recordings.channel_words import COMMANDED, named_channels
 from deeptruck_model.recordings.tables.header_words import fits, header

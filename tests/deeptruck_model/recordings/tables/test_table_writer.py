@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pyarrow import csv, parquet
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, import_table, read, write_table
 from deeptruck_model.trucks import driving_cycles
 

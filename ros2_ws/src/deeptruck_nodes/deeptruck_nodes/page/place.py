@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import socket
 
-from deeptruck_model.pages.local import Place
+from deeptruck_core.pages.local import Place
 
 SOCKET, TOKEN = "DEEPTRUCK_PAGE_SOCKET", "DEEPTRUCK_PAGE_TOKEN"
 

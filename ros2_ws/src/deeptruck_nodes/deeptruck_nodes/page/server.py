@@ -10,8 +10,8 @@ from collections import deque
 from collections.abc import Callable
 from http import HTTPStatus
 
-from deeptruck_model.pages import local
-from deeptruck_model.pages.local import PATIENCE, Place
+from deeptruck_core.pages import local
+from deeptruck_core.pages.local import PATIENCE, Place
 
 CONTROLS = {"paused", "seek"}  # what a viewer may ask of a replay: the fields of /replay/control
 ROOM = 50  # batches that may wait for a viewer: 5 s of them

@@ -1,0 +1,1 @@
+"""What all packages share: errors, channels and units, the rule of writing, commands on a terminal, pages."""

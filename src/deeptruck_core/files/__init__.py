@@ -1,0 +1,38 @@
+"""Output files of all commands: a result is complete or absent, and no file of the user is lost.
+
+`results` writes folders, `single` writes one file, `lock` holds a folder for one run. Standard library only.
+"""
+
+from deeptruck_core.files.lock import ELSEWHERE, free, writing
+from deeptruck_core.files.results import (
+    MARKER,
+    OVERWRITE_HELP,
+    Result,
+    check_new,
+    check_outside,
+    final,
+    kept,
+    remove,
+    unfinished,
+)
+from deeptruck_core.files.single import advice, aside, new_file, removing, write
+
+__all__ = [
+    "ELSEWHERE",
+    "MARKER",
+    "OVERWRITE_HELP",
+    "Result",
+    "advice",
+    "aside",
+    "check_new",
+    "check_outside",
+    "final",
+    "free",
+    "kept",
+    "new_file",
+    "remove",
+    "removing",
+    "unfinished",
+    "write",
+    "writing",
+]

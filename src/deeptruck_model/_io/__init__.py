@@ -1,1 +1,0 @@
-"""What readers and writers share: accounts, checks before a file is trusted, JSON, result folders."""

@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import errno
+import os
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from tensorboard.summary.writer.record_writer import RecordWriter
+
+from deeptruck_core.terminal.progress import bar, board, progress
+
+
+def test_a_log_gets_a_line_now_and_then_with_the_time_left(capsys: pytest.CaptureFixture[str]) -> None:
+    with bar("training", every_s=0.0) as show:
+        show(100, 300, "")
+        show(200, 300, "validation 0.1")
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "training: 100 of 300" and lines[1].startswith("training: 200 of 300, about ")
+    assert lines[1].endswith(" left; validation 0.1")
+
+
+@pytest.mark.parametrize(
+    ("done", "total", "estimated"), [(1, 500, False), (9, 100, False), (10, 100, True), (19, 1000, False)]
+)
+def test_the_time_left_is_not_estimated_by_the_first_steps(
+    capsys: pytest.CaptureFixture[str], done: int, total: int, estimated: bool
+) -> None:
+    with bar("training", every_s=0.0) as show:
+        show(0, total, "")
+        show(done, total, "")
+    assert (" left" in capsys.readouterr().err) == estimated
+
+
+def test_a_short_one_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
+    with bar("training") as show, progress("reading") as say:
+        show(1, 2, "")
+        say("driving")
+    assert capsys.readouterr().err == ""
+
+
+def test_a_long_step_is_repeated(capsys: pytest.CaptureFixture[str]) -> None:
+    said = ""
+    with progress("reading", every_s=0.01):
+        while "still reading" not in said:  # the test ends by its own time limit otherwise
+            time.sleep(0.01)
+            said += capsys.readouterr().err
+
+
+def test_a_log_gets_one_line_for_a_step_however_often_it_says_how_far_it_is(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with progress("reading", quiet_s=0.02) as say:
+        time.sleep(0.5)
+        for k in range(100):
+            say(f"driving, {k}%")
+        say("writing the report")
+    assert [line.partition(": ")[2] for line in capsys.readouterr().err.splitlines()] == [
+        "reading", "driving, 0%", "writing the report"
+    ]  # fmt: skip
+
+
+def test_a_full_disk_is_said_by_whoever_writes_and_by_nobody_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(RecordWriter, "write", full)
+    with pytest.raises(OSError, match="No space left"):
+        _write_until_it_fails(tmp_path)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("error", [ValueError("wrong"), OSError("wrong")])
+def test_errors_of_other_threads_are_reported_as_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    received: list[threading.ExceptHookArgs] = []
+    monkeypatch.setattr(threading, "excepthook", received.append)
+
+    def fail() -> None:
+        raise error
+
+    for _ in range(2):  # a second board adds nothing
+        board(tmp_path, 0).close()
+    thread = threading.Thread(target=fail)
+    thread.start()
+    thread.join()
+    assert [given.exc_value for given in received] == [error]
+
+
+def _write_until_it_fails(folder: Path) -> None:
+    curves = board(folder, 0)
+    for step in range(100):
+        curves.add_scalar("loss", 1.0, step)
+        time.sleep(0.01)
