@@ -94,6 +94,11 @@ class CsvText:
         self.delimiter = delimiter or self._found_delimiter()
         self.header, self.begin = self._header(self.delimiter)
 
+    def header_below(self, lines: int) -> set[str]:
+        """The names in the line behind the first `lines`, if that is the header."""
+        self.skip_rows = lines
+        return {name.strip() for name in self._header(self._found_delimiter())[0]}
+
     def _found_delimiter(self) -> str:
         counts = {mark: len(self._header(mark)[0]) for mark in DELIMITERS.strip()}
         return "," if counts[","] > 1 else max(counts, key=lambda mark: counts[mark])

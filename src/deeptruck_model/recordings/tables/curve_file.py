@@ -62,11 +62,8 @@ def _lines_before(path: Path, *names: str) -> int:
     """Number of lines before the header with these names, 0 if there is none."""
     if is_typed(path):
         return 0
-    for lines in range(MOST_BEFORE):
-        try:
-            header = CsvText(path, Format(skip_rows=lines), Account(str(path), "rows")).header
-        except (UnicodeError, OSError, text_csv.Error, EOFError):
-            return 0  # as read_table says
-        if {name.strip() for name in header} >= set(names):
-            return lines
-    return 0
+    try:
+        text = CsvText(path, Format(), Account(str(path), "rows"))
+        return next((k for k in range(MOST_BEFORE) if text.header_below(k) >= set(names)), 0)
+    except (UnicodeError, OSError, text_csv.Error, EOFError):
+        return 0  # as read_table says
