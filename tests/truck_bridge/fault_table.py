@@ -34,6 +34,7 @@ STRANGERS = (0x03, 0x0B, 0x0F, 0x21)
 
 
 ACTUATOR = {"gain": (0.0, 0.5), "late_s": (0.5,), "stuck": (1.0,), "drags": (0.3,), "lost": (1.0,)}
+SHARES = {"bus": 4.0, "radar": 4.0, "actuator": 2.0, "nobody": 0.2}  # of the machines at fault, others 1
 LASTS = (0.3, 1.0, 3.0, math.inf, math.inf)  # s of a fault
 MOMENTS = (4.0, 10.0)  # s after the start, between which it begins
 GRADES = (0.0, 0.0, 0.02, -0.02, 0.06, -0.06)
@@ -266,7 +267,9 @@ def forger(scene: Fault) -> Forger:
 
 def draw(vehicle: Vehicle, rng: np.random.Generator, names: list[str]) -> tuple[str, float, float]:
     """A fault of these, its size, and for how long it lasts (s)."""
-    name = str(rng.choice(names))
+    machines = [FAULTS[name].machine for name in names]
+    weights = np.array([SHARES.get(machine, 1.0) / machines.count(machine) for machine in machines])
+    name = str(rng.choice(names, p=weights / weights.sum()))
     machine, kind, signals, sizes = FAULTS[name]
     taken = senders(vehicle, signals) if kind == "second" else set()
     for_good = machine in ("forger", "driver", "once") or kind in ("second", "clock", "paused")
