@@ -154,7 +154,7 @@ FAULTS: dict[str, Fault] = {
     "cancel": Fault("person", "cancel", (), (1.0,)),
     "parking brake": Fault("person", "parking_brake", (), (1.0,)),
     "leader speed of opposite sign": Fault("radar", "scale", ("leader_speed",), (-1.0,)),
-    "the driver brakes unseen": Fault("driver", "hold", ("brake_pedal", "brake_switch"), (40.0, 60.0)),
+    "the driver brakes unseen": Fault("driver", "hold", ("brake_pedal", "brake_switch"), (100.0,)),
     "transmission demands 100 %": Fault("forger", "engine", ("transmission",), (100.0,)),
     "transmission retards 100 %": Fault("forger", "retarder", ("transmission",), (-100.0,)),
     "our own address demands": Fault("forger", "engine", ("ours",), (60.0,)),
