@@ -26,10 +26,13 @@ import can
 
 from truck_bridge.bus_connection import BusConnection
 from truck_bridge.fault_watch import FaultWatch
+from truck_bridge.j1939 import diagnostics
 from truck_bridge.j1939.address_claim import AddressClaim, name
 from truck_bridge.received_signals import ReceivedSignals
 from truck_bridge.safety import Safety, State
 from truck_bridge.vehicles import Transmitted, Vehicle
+
+TAKE_OVER = (0x7F000, 31)  # SPN that a maker may give a meaning, "condition exists": of the DM1 that we send
 
 
 @dataclass(frozen=True)
@@ -64,16 +67,18 @@ class Bridge:
         reopen: Callable[[], can.BusABC] | None = None,
     ) -> None:
         self.vehicle = vehicle
-        self.safety = Safety(vehicle.table)
+        self.safety = Safety((vehicle.without_actuators() if no_load else vehicle).table)
         self._connection = BusConnection(bus, AddressClaim(name(vehicle.identity), vehicle.address), reopen)
         self._no_load = no_load
         self._lock = threading.RLock()
         self._signals = ReceivedSignals(vehicle)
         self._faults = FaultWatch(vehicle)
+        self._dm1 = vehicle.table.always[-1]
         self._due: dict[str, float] = {}
         self._counts = dict.fromkeys(vehicle.transmitted, 0)
         self._now = -math.inf
         self._would_send: dict[int, bytes] = {}
+        self._warned, self._warn_at = "", -math.inf  # the lamp that our DM1 lit last, and when it is due
 
     # -- the controller's side
 
@@ -90,8 +95,18 @@ class Bridge:
             self.safety.disarm()
             self._connection.stop()
 
-    def command(self, engine: float, brake: float, now: float, *, engaged: bool) -> bool:
+    def command(
+        self,
+        engine: float,
+        brake: float,
+        now: float,
+        *,
+        engaged: bool,
+        gap: tuple[float, float] = (math.nan, math.nan),
+    ) -> bool:
         """Engine and brake command in the truck interface's units; also the controller's heartbeat.
+
+        `gap`: m to the vehicle ahead, and needed behind it, for engaging.
 
         `engaged` is the bridge's engaged bit as the controller received it last. If it is still False a
         controller's time-out after control was engaged, the controller counts as lost and control fades.
@@ -99,7 +114,7 @@ class Bridge:
         fades too.
         """
         with self._lock:
-            return self.safety.command(self.vehicle.demands(engine, brake), engaged, now)
+            return self.safety.command(self.vehicle.demands(engine, brake), engaged, now, gap)
 
     def engage(self, now: float, *, person: bool, lead_vehicle: bool) -> tuple[str, ...]:
         """Take control at a person's request. Returns the reasons why not; empty when engaged."""
@@ -165,6 +180,7 @@ class Bridge:
             self._hear(now)
             self.safety.tick(now)
             self._keep_link(now)
+            self._warn(now)
             for axis, message in self.vehicle.transmitted.items():
                 if now >= self._due.get(axis, math.inf):
                     self._transmit(axis, message, now)
@@ -213,6 +229,7 @@ class Bridge:
         """Correct for a clock that went back: shift the pending times back too, and forget all received
         signals."""
         self._due = {axis: due - back for axis, due in self._due.items()}
+        self._warn_at -= back
         self._connection.rewind(back)
         self._signals, self._faults = ReceivedSignals(self.vehicle), FaultWatch(self.vehicle)
 
@@ -234,6 +251,17 @@ class Bridge:
             if self.safety.tx_hook(can_id, data, now):
                 self._send(can_id, data, now)
         self.safety.link(self._connection.up(now))
+
+    def _warn(self, now: float) -> None:
+        """Say by DM1 that the driver must take over: each second, at once on a change, and its end."""
+        lamp = "amber_warning_lamp" if self.safety.warning else ""
+        lamp = "red_stop_lamp" if self.safety.state is State.STOPPING else lamp
+        due = lamp != self._warned or (lamp and now >= self._warn_at)
+        data = diagnostics.frame(*TAKE_OVER, lamp)
+        speaks = self.safety.linked and self.safety.state is not State.SILENT
+        if due and speaks and self.safety.tx_hook(self._dm1, data, now):
+            self._warned, self._warn_at = lamp, now + 1.0
+            self._send(self._dm1, data, now)
 
     def _transmit(self, axis: str, message: Transmitted, now: float) -> None:
         period = message.axis.period_s

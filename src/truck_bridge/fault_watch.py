@@ -16,7 +16,7 @@ class FaultWatch:
     """Pass every frame to `hear`; `blocking` returns the active faults that forbid control."""
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self._blocking = vehicle.blocking
+        self._blocking, self._own = vehicle.blocking, vehicle.address
         self._names = {address: name for name, address in vehicle.addresses.items()}
         self._transport = Transport()
         self._faults, self._forbids = ActiveFaults(), ActiveFaults()  # all, and those that forbid control
@@ -24,6 +24,8 @@ class FaultWatch:
 
     def hear(self, can_id: int, data: bytes, now: float) -> list[str]:
         """Process one frame. If it completes a DM1, returns the reported faults in words."""
+        if can_id & 0xFF == self._own:
+            return []  # what we report ourselves is no fault of the truck
         message = self._transport.hear(can_id, data, now) or diagnostics.single(can_id, data)
         report = diagnostics.report(message.data) if message and message.pgn == DM1 else None
         if message is None or report is None:

@@ -73,3 +73,35 @@ def test_publishing_rate_must_fit_the_step() -> None:
     for rate in (5, 15, 33):
         with pytest.raises(InputError, match="whole multiple"):
             ticks_a_step(rate, 0.1)
+
+
+def test_braking_for_a_hazard_goes_on_without_a_command_to_a_standstill(truck: simulators.Simulator) -> None:
+    plant = Plant(truck, roads.parse("constant:grade=-0.02"), 20.0)
+    for _ in range(10):
+        plant.step(0.0, 60.0)
+    for command in (
+        math.nan,
+        10.0,
+        80.0,
+        math.nan,
+    ):  # a weaker command changes nothing, a stronger one counts
+        plant.step(1000.0, command)
+        assert plant.stopping
+    for _ in range(10):
+        plant.step(math.nan, math.nan)
+    assert plant.acceleration < -4.0
+    for _ in range(100):
+        plant.step(math.nan, math.nan)
+    assert plant.speed == 0.0 and plant.stopping
+    plant.step(1000.0, 0.0)  # standing, it obeys the next command
+    assert not plant.stopping
+
+
+def test_ordinary_braking_ends_with_its_command(truck: simulators.Simulator) -> None:
+    plant = Plant(truck, roads.parse("flat"), 20.0)
+    for _ in range(10):
+        plant.step(0.0, 25.0)
+    for _ in range(20):
+        plant.step(math.nan, math.nan)
+    assert not plant.stopping
+    assert plant.acceleration > -0.4

@@ -25,7 +25,8 @@ SANE = {
     "engine_percent": 20.0,
     "gear_ratio": 1.0,
     "driveline": 1.0,
-    "retarder_obeys": float(0x0F),  # nobody else
+    "engine_obeys": float(0x2A),  # us
+    "retarder_obeys": float(0x2A),
 }
 
 
@@ -65,7 +66,12 @@ class Bench:
         return Bench(table, Safety(table))
 
     def value(self, name: str) -> float:
-        """The value that the truck sends; the engine speed follows from wheel speed and gear ratio."""
+        """The value that the truck sends; engine speed follows from wheel speed and gear ratio, torque from
+        our demand.
+        """
+        if name == "engine_percent" and name not in self.signals:
+            left = (demand for _, axis, demand in reversed(self.left) if axis == "engine")
+            return round(next((demand for demand in left if not math.isnan(demand)), SANE[name]))
         if name == "engine_speed" and name not in self.signals and self.table.driveline is not None:
             return self.value("speed") * self.value("gear_ratio") / self.table.driveline.metres_per_radian
         if name == "second_speed" and name not in self.signals:

@@ -18,7 +18,18 @@ FOLDER = Path(safety.__file__).parent
 MAY_IMPORT = {"__future__", "collections", "collections.abc", "dataclasses", "enum", "math"}
 HERE = Path(__file__).parent
 RESULT = HERE.parents[1] / "docs" / "results" / "bridge_mutation.md"
-TESTS = ("motion", "hearing", "demands", "limits", "frames", "engagement", "handing_back", "losing", "arming")
+TESTS = (
+    "motion",
+    "hearing",
+    "demands",
+    "limits",
+    "frames",
+    "engagement",
+    "handing_back",
+    "losing",
+    "arming",
+    "stopping",
+)
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)
@@ -34,7 +45,7 @@ def test_the_core_imports_only_itself_and_has_no_clock_or_files(path):
 
 
 def test_the_core_is_a_few_hundred_lines():
-    assert sum(len(path.read_text().splitlines()) for path in FOLDER.glob("*.py")) < 950
+    assert sum(len(path.read_text().splitlines()) for path in FOLDER.glob("*.py")) < 1200
 
 
 @pytest.mark.long

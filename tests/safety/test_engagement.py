@@ -83,3 +83,20 @@ def test_engagement_is_refused_on_implausible_signals(bench):
     bench.signals["second_speed"] = 15.0 + 2.1
     bench.arm()
     assert bench.safety.engage(bench.now, True, True) == ("implausible: two wheel speeds",)
+
+
+@pytest.mark.parametrize(
+    ("gap", "needs", "refused"),
+    [(10.0, 24.0, True), (24.0, 24.0, False), (23.9, 24.0, True), (30.0, 24.0, False)],
+)
+def test_engagement_is_refused_nearer_than_the_shield_needs(bench, gap, needs, refused):
+    bench.arm()
+    bench.safety.command({axis.name: 0.0 for axis in bench.table.axes}, False, bench.now, (gap, needs))
+    why = bench.safety.engage(bench.now, True, True)
+    assert why == ((f"too near the vehicle ahead: {gap:.0f} m, needs 24 m",) if refused else ())
+
+
+def test_without_a_gap_nobody_is_too_near(bench):
+    bench.arm()
+    bench.safety.command({axis.name: 0.0 for axis in bench.table.axes}, False, bench.now, (math.nan, 24.0))
+    assert bench.safety.engage(bench.now, True, True) == ()

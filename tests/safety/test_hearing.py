@@ -244,7 +244,8 @@ def watching(bench, now=1.0, **values):
             bench,
             (Heard("M", KEY, 0.1, 0.3, signals),),
             driveline=None,
-            obeyed=(Obeyed("obeys", (0.0, 42.0)), Obeyed("never", (1.0,))),
+            address=42,
+            obeyed=(Obeyed("obeys", (0.0, 42.0), "engine", 10.0), Obeyed("never", (1.0,))),
             followed=(Followed("engine", "torque", 10.0, 4.0), Followed("retarder", "retarder", -5.0)),
         ),
         Counter(),
@@ -256,18 +257,24 @@ def watching(bench, now=1.0, **values):
 
 OURS = {"engine": 50.0, "retarder": -10.0}
 TORQUE, RETARDER = "torque beyond our demand", "retarder beyond our demand"
+WEAK = "torque far below our demand"
 
 
 @pytest.mark.parametrize(
     ("values", "doubts"),
     [
         ({}, []),
-        ({"obeys": 0}, []),
+        ({"obeys": 0}, ["obeys is 0"]),  # itself, while we demand
+        ({"obeys": 0, "shifting": 1}, []),
         ({"obeys": 3}, ["obeys is 3"]),
         ({"obeys": 3, "shifting": 1}, []),
         ({"torque": 60}, []),
         ({"torque": 61}, [TORQUE]),
-        ({"torque": -50}, []),  # less than we demand: limits, lag
+        ({"torque": 13}, []),  # less than we demand: limits, lag
+        ({"torque": 12}, [WEAK]),
+        ({"torque": -50}, [WEAK]),
+        ({"torque": -50, "shifting": 1}, []),
+        ({"torque": -50, "speed": 4}, []),
         ({"torque": 61, "shifting": 1}, []),
         ({"torque": 61, "speed": 4}, []),
         ({"torque": 61, "speed": 5}, [TORQUE]),
@@ -279,7 +286,22 @@ TORQUE, RETARDER = "torque beyond our demand", "retarder beyond our demand"
 )
 def test_who_is_obeyed_and_what_is_done_against_our_demand(bench, values, doubts):
     found = watching(bench, **values).doubts(1.0, OURS)
-    assert found == dict.fromkeys(doubts, 1.0)  # s
+    assert found == {doubt: 1.5 if doubt == WEAK else 1.0 for doubt in doubts}  # s
+
+
+@pytest.mark.parametrize(("demand", "doubt"), [(10.0, False), (10.5, True), (0.0, False)])
+def test_a_controller_may_obey_itself_while_we_demand_little(bench, demand, doubt):
+    ears = watching(bench, obeys=0, torque=5)
+    assert ("obeys is 0" in ears.doubts(1.0, {"engine": demand})) is doubt
+    assert ears.doubts(1.0, {"brake": 50.0}) == {}
+
+
+def test_torque_far_below_a_small_demand_is_no_doubt(bench):
+    assert watching(bench, torque=-50).doubts(1.0, {"engine": 10.0}) == {}
+    assert watching(bench, torque=13).doubts(1.0, {"engine": 52.0}) == {}
+    assert watching(bench, torque=13).doubts(1.0, {"engine": 53.0}) == {WEAK: 1.5}
+    assert watching(bench, torque=-50).doubts(1.0, {"engine": 11.0}) == {WEAK: 1.5}
+    assert watching(bench, retarder=0).doubts(1.0, {"engine": 50.0, "retarder": -90.0}) == {}
 
 
 def test_without_a_demand_of_ours_nothing_is_held_against_it(bench):
@@ -494,3 +516,72 @@ def test_unless_our_own_demand_slows_it_now_or_did_of_late(bench, ours, doubt):
 def test_without_a_limit_or_a_speed_nobody_is_suspected(bench):
     assert slowing(bench, 2.0, 2.0, most=math.inf).doubts(0.0, REST) == {}
     assert slowing(bench, 2.0, 2.0, steady=-3.0).doubts(0.0, REST) == {}
+
+
+def braked(bench, pull, share, pitch=None, begin=0.0, speed=30.0, seconds=3.0):
+    """Time at which it is said that the brake does not answer to `share` of what a hazard needs, from `begin`
+    on, while the truck slows by `pull` m/s^2; NaN where it never is."""
+    field, angle = Field(0, 16, 1 / 1024, 0.0, 64255), Field(16, 16, 1 / 128, -200.0, 64255)
+    signals = (
+        Measured("speed", field, 0, 60),
+        *([Measured("pitch", angle, -30, 30)] if pitch is not None else []),
+    )
+    ears = Hearing(
+        table(bench, (Heard("M", KEY, 1 / 8, 0.3, signals),), driveline=None, obeyed=(), followed=()),
+        Counter(),
+    )
+    for step in range(round(8 * seconds)):
+        now = step / 8
+        raw = round(1024 * max(speed - pull * now, 0.0)) | round(128 * ((pitch or 0.0) + 200)) << 16
+        ears.take(ID, raw.to_bytes(4, "little") + b"\xff" * 4, now)
+        demand = {"brake": share * bench.axis("brake").holds_beyond} if now >= begin else {}
+        if "the brake does not answer" in ears.doubts(now, {"engine": 0.0, **demand}):
+            assert ears.doubts(now, {"engine": 0.0, **demand})["the brake does not answer"] == 0.0
+            return now
+    return math.nan
+
+
+def test_a_brake_that_does_not_answer_is_said_within_two_seconds(bench):
+    assert braked(bench, 0.2, 2.0, pitch=0.0) == pytest.approx(1.5, abs=0.25)
+    assert braked(bench, 0.2, 2.0, pitch=0.0, begin=1.0) == pytest.approx(2.5, abs=0.25)
+    assert math.isnan(braked(bench, 0.2, 1.0, pitch=0.0))  # what no hazard needs
+    assert math.isnan(braked(bench, 0.2, 2.0, pitch=0.0, begin=2.0))  # not yet
+
+
+@pytest.mark.parametrize(
+    ("pull", "pitch", "said"),
+    [
+        (0.70, 0.0, True),  # a quarter of 3 m/s^2 is 0.75
+        (0.80, 0.0, False),
+        (0.20, -3.434, False),  # 6 % down: 0.59 m/s^2
+        (0.10, -3.434, True),
+        (1.20, 3.434, True),
+        (1.40, 3.434, False),
+        (0.10, None, True),  # the truck does not say: it may be 6 % down
+        (0.20, None, False),
+    ],
+)
+def test_what_a_quarter_of_the_demand_gives_on_the_slope_decides(bench, pull, pitch, said):
+    assert math.isnan(braked(bench, pull, 2.0, pitch)) is not said
+
+
+def test_a_truck_that_stops_is_not_said_not_to_brake(bench):
+    assert math.isnan(braked(bench, 0.1, 2.0, pitch=0.0, speed=3.0))
+    assert not math.isnan(braked(bench, 0.1, 2.0, pitch=0.0, speed=3.4))
+
+
+@pytest.mark.parametrize(("pitch", "pull", "said"), [
+    (0.0, 0.75, True), (0.0, 0.70, False),  # 1.5 m/s^2 less the 10 % that it has in it, and 2 % of error
+    (5.71, 1.65, False), (5.71, 1.75, True), (-3.0, 0.24, True), (-3.0, 0.18, False),
+])  # fmt: skip
+def test_a_slope_that_is_heard_leaves_less_to_be_explained(bench, pitch, pull, said):
+    field, angle = Field(0, 16, 1 / 1024, 0.0, 64255), Field(16, 16, 1 / 128, -200.0, 64255)
+    signals = Measured("speed", field, 0, 60), Measured("pitch", angle, -30, 30)
+    ears = Hearing(
+        table(bench, (Heard("M", KEY, 1 / 8, 0.3, signals),), driveline=None, obeyed=(), followed=()),
+        Counter(),
+    )
+    for step in range(33):
+        raw = round(1024 * (30 - pull * step / 8)) | round(128 * (pitch + 200)) << 16
+        ears.take(ID, raw.to_bytes(4, "little") + b"\xff" * 4, step / 8)
+    assert (SLOWS in ears.doubts(4.0, REST)) is said

@@ -59,7 +59,7 @@ def test_the_table_is_the_requirement(bench, vehicle, name):
 def test_value_one_bit_inside_leaves_and_one_bit_outside_does_not(bench, vehicle, name, speed):
     _, points, *_ = REQUIREMENTS[vehicle][name]
     bench.signals |= {"speed": speed, "driveline": 0.0, "engine_percent": 0.0}
-    bench.engage().run(3.0)
+    bench.engage().run(2.1)
     axis, motion = bench.axis(name), bench.safety._motions[bench.axis(name).can_id]
     said = bench.axis(name)
     measured = bench.safety.hearing.value("speed")
@@ -152,7 +152,6 @@ def test_a_fade_is_refused_away_from_rest_and_faster_than_its_rate(bench, vehicl
     axis, motion = bench.axis(name), bench.safety._motions[bench.axis(name).can_id]
     away = 1 if furthest(points, 15.0) > 0 else -1
     middle = nearest_raw(axis, furthest(points, 15.0) / 2)
-    motion.value = motion.exact = axis.demand.offset + axis.demand.scale * middle
     bench.safety.fade(bench.now, "test")
     step = math.floor(fade * period / quantum + 1e-9)
     for bits, allowed in ((2 * away, False), (0, True), (-away * step, True), (-away * (step + 2), False)):
@@ -197,7 +196,9 @@ def test_a_demand_arrives_and_stays_without_overshoot(bench, vehicle, name):
     quantum, points, rate, _, _, _period = REQUIREMENTS[vehicle][name]
     bench.signals["engine_percent"] = 0.0
     target = 0.6 * furthest(points, 15.0)
-    bench.engage(**{name: target}).run(4.0)
+    bench.engage(**{name: target})
+    del bench.signals["engine_percent"]  # it follows
+    bench.run(4.0)
     demands = [demand for _, axis, demand in bench.left if axis == name and not math.isnan(demand)]
     assert demands[-1] == pytest.approx(target, abs=1e-6)
     assert max(map(abs, demands)) <= abs(target) + quantum + 0.02 * abs(target)

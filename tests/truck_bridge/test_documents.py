@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from pathlib import Path
 
 import pytest
+
+from truck_bridge.safety import Timing
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -18,6 +21,12 @@ def test_the_layers_name_tests_that_exist():
     assert len(named) > 15
     missing = [name for name in named if f"def {name}" not in tests]
     assert missing == []
+
+
+def test_the_table_of_times_is_that_of_the_core():
+    text = (ROOT / "docs" / "can_bridge.md").read_text().split("### Times of the core")[1].split("\n## ")[0]
+    rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| (.+) \| (.+) \|$", text, re.MULTILINE)
+    assert {name: float(value) for name, value, *_ in rows} == dataclasses.asdict(Timing())
 
 
 @pytest.mark.parametrize("command", ["decode", "check", "record", "replay", "convert"])

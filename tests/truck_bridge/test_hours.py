@@ -167,7 +167,7 @@ def drive(
     """The figures of each hour; a person engages again 5 s after control ended."""
     found, memory, rng = list[Hour](), _memory_kib(), np.random.default_rng(seed)
     slope = lru_cache(8)(lambda distance: road(plan.road).at(distance)[0]) if plan.road != "flat" else None
-    ahead, driven = _ahead(plan, rng, hours * HOUR_S), load(vehicle)
+    ahead, driven = _ahead(plan, rng, hours * HOUR_S), load(vehicle).driving_off()
     chain = Chain(driven, rng, ahead, "baseline:acc", slope, plan.radar, loaded(driven.truck, plan.load))
     if plan.wheels != 1.0:
         chain.ours.lies.append(Lie(driven, "scale", ("speed", "second_speed"), plan.wheels))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
+
+import numpy as np
 
 
 def approach(far: Any, time_gap: Any, rate: float) -> tuple[Any, Any]:
@@ -17,3 +20,15 @@ def approach(far: Any, time_gap: Any, rate: float) -> tuple[Any, Any]:
     knee = rate * time_gap**2
     most = (2 * rate * abs(far).clip(min=knee) - (rate * time_gap) ** 2) ** 0.5
     return most * (far / knee).clip(-1.0, 1.0), rate / most
+
+
+def cruise(seen: Mapping[str, Any], set_speed: float) -> dict[str, Any]:
+    """The leader that a policy follows so as to drive no faster than `set_speed` (m/s).
+
+    It is no faster than that, and no farther than the wanted gap is then. `seen` has leader_speed (m/s), gap
+    (m) and target_time_gap (s), each (batch,).
+    """
+    return {
+        "leader_speed": np.minimum(seen["leader_speed"], set_speed),
+        "gap": np.minimum(seen["gap"], seen["target_time_gap"] * set_speed),
+    }

@@ -4,6 +4,7 @@ baseline, shield.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_cacc.controllers.approach import cruise
 from deeptruck_cacc.controllers.baselines import baseline
 from deeptruck_cacc.controllers.loading import load_policy
 from deeptruck_cacc.controllers.onnx_policy import OnnxPolicy
@@ -20,7 +22,7 @@ from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, require
 from deeptruck_cacc.safety.promise import Promise
 from deeptruck_cacc.safety.shield import Shield
 from deeptruck_cacc.safety.track import Tracker
-from deeptruck_cacc.safety.truck_limits import known, measure
+from deeptruck_cacc.safety.truck_limits import STEEPEST, known, measure
 from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model import simulators
 
@@ -88,6 +90,7 @@ class Guard:
     shield: Shield | None
     coverage: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     standstill_m: float = 6.0
+    set_speed: float = math.inf  # m/s, faster than which nobody is followed
     acted: Flags = field(default_factory=lambda: np.zeros(0, bool))
     handed_over: Flags = field(default_factory=lambda: np.zeros(0, bool))
     _tracker: Tracker = field(init=False, repr=False)
@@ -192,6 +195,7 @@ class Guard:
         if self.shield is not None:
             least = np.maximum(least, self.shield.steady_gap(seen["speed"]))
         seen["target_time_gap"] = np.maximum(seen["target_time_gap"], least / np.maximum(seen["speed"], 0.5))
+        seen |= cruise(seen, self.set_speed)
         own = np.array(self.policy.act({**observation, **seen, "least_gap": least}))
         other = np.array(self.fallback.act(seen))
         self.handed_over = self._outside(seen) | ~np.isfinite(own).all(axis=0)
@@ -259,9 +263,17 @@ def guard(policy: Policy, promise: Promise | None = None, *, shield: bool = True
 
 
 def load_controller(
-    path: str | Path, interface: TruckInterface | None = None, *, shield: bool = True, limits_of: str = ""
+    path: str | Path,
+    interface: TruckInterface | None = None,
+    *,
+    shield: bool = True,
+    limits_of: str = "",
+    limits_grade: float = STEEPEST,
 ) -> Guard:
     """The controller for a node: load_policy with a guard, whose promise is measured on the simulator
-    `limits_of` if there is one. Raises InputError if that cannot be loaded or does not brake."""
-    promise = measure(simulators.load(limits_of)) if limits_of and shield else None
+    `limits_of` if there is one, on descents to `limits_grade`.
+
+    Raises InputError if that cannot be loaded or does not brake.
+    """
+    promise = measure(simulators.load(limits_of), worst_grade=limits_grade) if limits_of and shield else None
     return guard(load_policy(path, interface), promise, shield=shield)

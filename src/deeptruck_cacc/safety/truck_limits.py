@@ -4,6 +4,7 @@ states.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -22,6 +23,7 @@ from deeptruck_model.simulators import Simulator, load
 
 Array = NDArray[np.float64]
 PREPARE_S, STOP_S = 4.0, 14.0
+STEEPEST = -0.03  # rise over run, of the descents for which promises are stored
 NO_BRAKING = 0.02  # m/s^2
 MILD = 0.1  # share of the brake command about which following brakes
 ROTATING = (
@@ -30,7 +32,7 @@ ROTATING = (
 
 
 def measure(
-    simulator: Simulator, *, worst_grade: float = -0.03, reserve: float = 0.05, base: Promise | None = None
+    simulator: Simulator, *, worst_grade: float = STEEPEST, reserve: float = 0.05, base: Promise | None = None
 ) -> Promise:
     """`base` with braking, response_s and accelerations measured on this truck, each made worse by the share
     `reserve`, and with what its brakes give at small commands: `bite`, `brake_gain` and `mild_brake`. Where
@@ -187,21 +189,41 @@ def _emergency_stops(simulator: Simulator, grade: float) -> tuple[Array, NDArray
 TABLE = Path(__file__).with_name("promises.json")
 
 
-def known(interface: TruckInterface) -> Promise | None:
-    """The promise stored for a truck of this name in promises.json, or None."""
-    table = json.loads(TABLE.read_text())
-    return Promise(**table[interface.name]) if interface.name in table else None
+def known(
+    interface: TruckInterface, parameters: Mapping[str, float] | None = None, steepest: float = STEEPEST
+) -> Promise | None:
+    """The promise stored for a truck of this name in promises.json.
+
+    None where there is none, where the `parameters` of a simulator of that name are another truck's (another
+    load, say), or for steeper descents. Without parameters the name counts.
+    """
+    row = json.loads(TABLE.read_text()).get(interface.name)
+    if row is None or steepest < STEEPEST or (parameters and digest(parameters) != row["parameters"]):
+        return None
+    del row["parameters"]
+    return Promise(**row)
+
+
+def digest(parameters: Mapping[str, float]) -> str:
+    """A hash of all parameters of a truck, to nine digits."""
+    numbers = {name: f"{value:.9g}" for name, value in parameters.items()}
+    return hashlib.sha256(json.dumps(numbers, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def main() -> None:
     """Measure the pool again and rewrite promises.json: python -m deeptruck_cacc.safety.truck_limits."""
     names = ("trucksim", "freightliner", "volvo")
-    found = {name: measure(load(f"truck:{name}")) for name in names}
+    trucks = {name: load(f"truck:{name}") for name in names}
+    found = {name: measure(truck) for name, truck in trucks.items()}
     table = {
         name: asdict(replace(promise, bridged_time_gap=bridged_time_gap(promise)))
         for name, promise in found.items()
     }
-    rounded = {name: {k: float(f"{v:.5g}") for k, v in row.items()} for name, row in table.items()}
+    rounded = {
+        name: {k: float(f"{v:.5g}") for k, v in row.items()}
+        | {"parameters": digest(trucks[name].parameters())}
+        for name, row in table.items()
+    }
     TABLE.write_text(json.dumps(rounded, indent=1) + "\n")
 
 

@@ -91,6 +91,13 @@ def report(data: bytes) -> Report | None:
     return Report({name: state == ON for name, state in lamps.items() if state in (OFF, ON)}, counts)
 
 
+def frame(spn: int, fmi: int, lamp: str = "") -> bytes:
+    """A DM1 with one code and at most one lamp that is on; without a lamp, that nothing is active."""
+    lamps = sum((ON if name == lamp else OFF) << bit for name, bit in LAMPS.items())
+    code = (spn & 0xFFFF) | (spn >> 16 << 5 | fmi) << 16 | NO_COUNT << 24 if lamp else 0
+    return bytes([lamps, 0xFF]) + code.to_bytes(4, "little") + b"\xff\xff"
+
+
 def _code(four: bytes) -> Code:
     """SPN of 19 bits, the highest three in byte 3 above the FMI; the old layouts in order 3, 1, 2."""
     first, second, third, last = four

@@ -2,8 +2,8 @@
 
 The promise. No frame leaves unless it is on the vehicle's list, well formed and within the limits of value,
 rate and jerk at the present speed, and a person has engaged control on fresh, plausible signals. When the
-driver acts, or anything control depends on is lost, control is handed back within one cycle or faded without
-a step, and stays handed back until a person engages again.
+driver acts, control is handed back within one cycle. When anything control depends on is lost, demands fade
+without a step; braking for a hazard goes on to a standstill. Control stays lost until a person engages again.
 
 Pure: no clock, no input or output; time (monotonic seconds) is an argument and frames come and go as integers
 and bytes.
@@ -18,6 +18,7 @@ from enum import Enum
 
 from truck_bridge.safety.checks import checksum_ok, counter_ok
 from truck_bridge.safety.demands import Demands
+from truck_bridge.safety.ending import BrakeHold
 from truck_bridge.safety.hearing import Hearing
 from truck_bridge.safety.motion import Motion
 from truck_bridge.safety.tables import SIGNED, Axis, Table
@@ -26,19 +27,25 @@ from truck_bridge.safety.tables import SIGNED, Axis, Table
 class State(Enum):
     """Each state says which frames may leave.
 
-    SILENT none; STANDBY address claims; ENGAGED the controller's demands; FADING demands that move towards
-    rest; RELEASING the frames that hand back.
+    SILENT none; STANDBY what `Table.always` has; ENGAGED the controller's demands; HOLDING brake demands that
+    hold a standing truck; STOPPING brake demands that do not fall (go on braking); FADING demands that move
+    towards rest (roll out); RELEASING the frames that hand back (let go).
     """
 
     SILENT = "silent"
     STANDBY = "standby"
     ENGAGED = "engaged"
+    HOLDING = "holding"
+    STOPPING = "stopping"
     FADING = "fading"
     RELEASING = "releasing"
 
 
-IN_CONTROL = (State.ENGAGED, State.FADING)
+BRAKED = (State.HOLDING, State.STOPPING)
+IN_CONTROL = (State.ENGAGED, *BRAKED, State.FADING)
+STANDS_M_S = 0.1  # below, a truck stands
 TWIN = "another node uses our address"
+STANDS = "Standing: engage to drive off, or take over"
 
 
 class Safety:
@@ -56,10 +63,14 @@ class Safety:
     def _forget(self) -> None:
         self._listen()
         self._motions = {axis.can_id: Motion(axis) for axis in self.table.axes}
+        self._hold = BrakeHold({axis.name: axis.holds_beyond for axis in self.table.axes if axis.brakes})
         self._demands: dict[str, float] = {}
         self._commanded = -math.inf
+        self._gap = (math.nan, math.nan)  # to the vehicle ahead and needed, m
         self._link = True
-        self._now = self._engaged_at = self._faded_at = self._twin = -math.inf
+        self._now = self._engaged_at = self._faded_at = self._seen_at = self._moved_at = (
+            self._twin
+        ) = -math.inf
 
     def _listen(self) -> None:
         """Anew: nothing heard yet."""
@@ -90,8 +101,16 @@ class Safety:
             self._lose("disarmed")
         self.state, self.warning = State.SILENT, ""
 
-    def command(self, demands: Mapping[str, float], engaged: bool, now: float) -> bool:
+    def command(
+        self,
+        demands: Mapping[str, float],
+        engaged: bool,
+        now: float,
+        gap: tuple[float, float] = (math.nan, math.nan),
+    ) -> bool:
         """Take one demand per axis, in the axis's unit; each call is also the controller's heartbeat.
+
+        `gap`: m to the vehicle ahead, and needed behind it; NaN where the controller does not say.
 
         `engaged` is the bridge's engaged bit as the controller received it last; False for too long ends
         control. A demand that is NaN, missing or outside the envelope is refused: the result is False and
@@ -101,10 +120,10 @@ class Safety:
             demand = demands.get(axis.name, math.nan)
             if not min(axis.limits.low) <= demand <= max(axis.limits.high):
                 self.refusals[f"command {'not a number' if math.isnan(demand) else 'outside envelope'}"] += 1
-                self._demands = {}
                 self.fade(now, "command refused")
+                self._demands = {}
                 return False
-        self._demands, self._commanded = dict(demands), now
+        self._demands, self._commanded, self._gap = dict(demands), now, gap
         if not engaged and now > self._engaged_at + self.table.timing.controller_timeout:
             self.fade(now, "controller not engaged")
         return True
@@ -118,14 +137,17 @@ class Safety:
             self.refusals["engagement"] += 1
             return obstacles
         for motion in self._motions.values():
-            motion.start(self.hearing.value(motion.axis.start_from), self._speed, now)
+            if self.state is State.STANDBY:  # a truck that is held goes on from there
+                motion.start(self.hearing.value(motion.axis.start_from), self._speed, now)
         self.state, self._engaged_at, self.reason, self.warning = State.ENGAGED, now, "", ""
+        self._moved_at = now
         return ()
 
     def obstacles(self, now: float, lead_vehicle: bool) -> tuple[str, ...]:
         """Why control cannot be given now; empty when it can."""
         table, hearing = self.table, self.hearing
-        found = [] if self.state is State.STANDBY else [f"not in standby but {self.state.value}"]
+        ready = self.state in (State.STANDBY, State.HOLDING)
+        found = [] if ready else [f"not in standby but {self.state.value}"]
         if not self._link:
             found.append("no bus or no address")
         if not self._demands or now - self._commanded > table.timing.controller_timeout:
@@ -141,6 +163,8 @@ class Safety:
             found.append("another controller demands what it may not")
         if table.needs_lead and not lead_vehicle:
             found.append("no vehicle ahead")
+        if self._gap[0] < self._gap[1]:
+            found.append(f"too near the vehicle ahead: {self._gap[0]:.0f} m, needs {self._gap[1]:.0f} m")
         low, high = table.engage_speed
         if not low <= hearing.value("speed") <= high:
             found.append(f"speed outside {low:g}..{high:g} m/s")
@@ -153,10 +177,36 @@ class Safety:
             self._let_go()
 
     def fade(self, now: float, reason: str) -> None:
-        """Hand back gradually. Also for a cause outside the core: a node lost, the lead vehicle lost."""
-        if self.state is State.ENGAGED:
-            self._lose(reason)
+        """Control cannot go on, for a cause in the core or outside: roll out, or go on braking."""
+        if self.state is not State.ENGAGED:
+            return
+        self._lose(reason)
+        if self._hold.begin(self._on_the_wire, self._demands):
+            self._go_on_braking(now)
+        else:
             self.state, self._faded_at = State.FADING, now
+
+    def _go_on_braking(self, now: float) -> None:
+        self.state, self._seen_at = State.STOPPING, now
+        self.warning = f"Take over: braking to a standstill ({self.reason})"
+        for motion in self._motions.values():
+            motion.slew = 0.0
+
+    def _stand(self, now: float) -> None:
+        """Hold a truck that has stood for so long that its driver is asked (ISO 15622)."""
+        if not self._speed < STANDS_M_S:
+            self._moved_at = now
+        if self.state is State.ENGAGED and now - self._moved_at >= self.table.timing.stands:
+            self._hold.hold(self._on_the_wire)
+            self.state, self.warning = State.HOLDING, STANDS
+
+    def _fresh(self, now: float) -> dict[str, float]:
+        """The demands of a controller that is alive."""
+        return self._demands if now - self._commanded <= self.table.timing.controller_timeout else {}
+
+    @property
+    def _on_the_wire(self) -> dict[str, float]:
+        return {motion.axis.name: motion.value for motion in self._motions.values()}
 
     def link(self, up: bool) -> None:
         """Bus off, interface unplugged, address lost (False), or all of them well again (True).
@@ -185,11 +235,18 @@ class Safety:
         if gap < 0:
             self._rewind(now)
         elif gap > self.table.timing.stall:
-            self.release(now, "stalled")
+            self.fade(now, "stalled")
+            if self.state is State.FADING:
+                self._let_go()  # the truck has timed out
         for reason in self.others.broken_off(now):
             self.fade(now, reason)
         if self.state is State.ENGAGED:
             self._watch(now)
+            self._stand(now)
+        if self.state is State.STOPPING and self._is_blind(now):
+            self.state, self._faded_at = State.FADING, now
+        if self.state is State.FADING and not self._is_blind(now) and self._hold.begin(self._fresh(now)):
+            self._go_on_braking(now)
         if self.state is State.FADING:
             resting = all(motion.at_rest for motion in self._motions.values())
             if resting or now - self._faded_at > self.table.timing.fade_longest:
@@ -207,6 +264,11 @@ class Safety:
         for motion in self._motions.values():
             motion.time = now - motion.axis.period_s
 
+    def _is_blind(self, now: float) -> bool:
+        """Whether no speed has been heard for so long that the truck stands, if its brakes brake."""
+        self._seen_at = max(self._seen_at, self.hearing.received("speed"))
+        return now - self._seen_at > self.table.timing.blind
+
     def _watch(self, now: float) -> None:
         """While engaged: everything control depends on. The first cause found is the one reported."""
         if now - self._commanded > self.table.timing.controller_timeout:
@@ -215,8 +277,7 @@ class Safety:
             self.fade(now, f"{name} stale")
         for name in self.hearing.forbids():
             self.fade(now, f"truck: {name}")
-        demanded = {motion.axis.name: motion.value for motion in self._motions.values()}
-        for doubt in self.hearing.lasting(self.hearing.doubts(now, demanded), now):
+        for doubt in self.hearing.lasting(self.hearing.doubts(now, self._on_the_wire), now):
             self.fade(now, f"implausible: {doubt}")
 
     @property
@@ -253,12 +314,25 @@ class Safety:
             return math.nan if motion.releases < self.table.timing.releases else None
         if not self.controls_allowed:
             return None
-        if self.state is State.FADING:
-            demand = motion.towards_rest(self._speed, now)
-        else:
-            demand = motion.towards(self._demands[axis.name], self._rate(axis, now), self._speed, now)
+        demand, wanted = motion.towards_rest(self._speed, now), self._wanted(axis, now)
+        if not self._rests(axis) or (axis.brakes and abs(wanted) > abs(demand)):
+            demand = motion.towards(wanted, self._rate(axis, now), self._speed, now)
         idle = axis.idle_at_rest and abs(demand - axis.rest) < axis.demand.scale / 2
         return math.nan if idle else demand
+
+    def _rests(self, axis: Axis) -> bool:
+        """Whether the demand of an axis moves towards rest, unless a controller that is alive brakes more."""
+        return self.state is State.FADING or (self.state in BRAKED and not axis.brakes)
+
+    def _wanted(self, axis: Axis, now: float) -> float:
+        """What the controller demands; of a truck that is braked or held what is held, or more."""
+        if self.state is State.ENGAGED:
+            return self._demands[axis.name]
+        wanted = self._fresh(now).get(axis.name, axis.rest)
+        if self.state is State.FADING or not axis.brakes:
+            return wanted
+        self._hold.rise(axis.name, wanted)
+        return self._hold.rise(axis.name, self._motions[axis.can_id].exact)
 
     def tx_hook(self, can_id: int, data: bytes, now: float) -> bool:
         """May this frame leave? Judged from its bits alone. A refusal is counted by reason."""
@@ -305,7 +379,10 @@ class Safety:
             return "" if motion.releases < self.table.timing.releases else "silence"
         if not self.controls_allowed:
             return "controls not allowed"
+        holds = self.state in BRAKED and axis.brakes
         if word == axis.release:
+            if holds and not motion.at_rest:
+                return "falls"
             step = abs(motion.value - axis.rest) > axis.limits.rate * motion.elapsed(now) + axis.demand.scale
             return "step" if step else ""
         value = axis.demand.read(word)
@@ -313,7 +390,10 @@ class Safety:
             return "form"
         if motion.outside(value, self._speed, now):
             return "value"
-        if self.state is State.FADING:
+        if holds and motion.falls(value, self._speed, now):
+            return "falls"
+        more = axis.brakes and abs(self._fresh(now).get(axis.name, axis.rest)) > abs(motion.value)
+        if self._rests(axis) and not (more and abs(value) > abs(motion.value)):
             return "rate" if motion.leaves_fade(value, now) else ""
         return motion.hasty(value, self._rate(axis, now), self._speed, now)
 

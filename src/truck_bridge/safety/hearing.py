@@ -12,6 +12,13 @@ from truck_bridge.safety.tables import Heard, Measured, Table
 
 NEVER = (math.nan, -math.inf, -math.inf)  # a signal that has not come yet; see Hearing._values
 TOO_OFTEN = 1.75  # times the nominal rate: a second sender, or a flood
+GRAVITY = 9.81
+STEEP = 0.1  # rise over run that `Table.coasts_m_s2` has in it
+UNHEARD_SLOPE = 0.06  # rise over run that may be there where the truck does not say
+SLOPE_ERROR = 0.02
+GIVES_LITTLE = 0.25  # share of the demanded braking or torque, below which an actuator does not answer
+HARD_M_S2 = 1.5  # what `Axis.holds_beyond` gives
+MOVES_M_S = 3.0  # below, a truck stops within the time that is judged
 
 
 @dataclass
@@ -43,6 +50,7 @@ class Hearing:
         self._doubtful: dict[str, float] = {}  # contradictions, since when
         self._speeds = deque([(math.nan, math.nan)])  # time and value, back to `Timing.slowing` ago
         self._slowed = -math.inf  # when a demand of ours last slowed the truck, or may have
+        self._braked = deque([(math.nan, 0.0)])  # time and share of `holds_beyond`, to `Timing.answer` ago
 
     def take(self, can_id: int, data: bytes, now: float) -> str:
         """Take a frame if it is one of ours to hear. Returns why control must fade, or nothing."""
@@ -125,6 +133,10 @@ class Hearing:
         """Last valid value of a signal. NaN before the first, so that every comparison with it is False."""
         return self._values.get(name, NEVER)[0]
 
+    def received(self, name: str) -> float:
+        """When the last valid value of a signal was received; -inf before the first."""
+        return self._values.get(name, NEVER)[1]
+
     def stale(self, now: float) -> list[str]:
         """Messages with a signal whose last valid value is older than the message's time-out."""
         return [
@@ -156,26 +168,56 @@ class Hearing:
                 found["wheel and engine speed"] = timing.persist
         if self._brakes_alone(now, demanded):
             found["slows without our demand"] = timing.persist
+        if self._brake_is_silent(now, demanded):
+            found["the brake does not answer"] = 0.0
         if self._shifting(now):
             return found
         for obeyed in self._table.obeyed:
-            value = self.value(obeyed.signal)
-            if not math.isnan(value) and value not in obeyed.explained:
+            value, demand = self.value(obeyed.signal), abs(demanded.get(obeyed.axis, math.nan))
+            deaf = demand > obeyed.from_demand and value != self._table.address
+            if not math.isnan(value) and (deaf or value not in obeyed.explained):
                 found[f"{obeyed.signal} is {value:g}"] = timing.unexplained
         for followed in self._table.followed:
-            away = self.value(followed.signal) - demanded.get(followed.axis, math.nan)
-            if away / followed.beyond > 1 and speed > followed.above_m_s:
+            value, demand = self.value(followed.signal), demanded.get(followed.axis, math.nan)
+            if not speed > followed.above_m_s:
+                continue
+            if (value - demand) / followed.beyond > 1:
                 found[f"{followed.signal} beyond our demand"] = timing.unexplained
+            elif demand > followed.beyond > 0 and value < GIVES_LITTLE * demand:
+                found[f"{followed.signal} far below our demand"] = timing.weak
         return found
+
+    def _slope(self, unheard: float) -> float:
+        """m/s^2 by which the road slows the truck; that of a slope `unheard` where it is not on the bus."""
+        pitch = self.value("pitch")
+        slope = unheard if math.isnan(pitch) else math.sin(math.radians(pitch)) + SLOPE_ERROR * (unheard > 0)
+        return GRAVITY * slope
+
+    def _slowing(self, timing_s: float) -> float:
+        """Mean deceleration over the last `Timing.slowing`, m/s^2; NaN before so long."""
+        (then, before), (last, speed) = self._speeds[0], self._speeds[-1]
+        return (before - speed) / (last - then) if last - then >= timing_s else math.nan
 
     def _brakes_alone(self, now: float, demanded: Mapping[str, float]) -> bool:
         """Whether the truck slows down more than anything but somebody else's brake explains."""
-        timing, most = self._table.timing, self._table.coasts_m_s2
+        timing = self._table.timing
         if not demanded or any(value < 0 if axis == "engine" else value for axis, value in demanded.items()):
             self._slowed = now
-        (then, before), (last, speed) = self._speeds[0], self._speeds[-1]
-        judged = now - self._slowed >= timing.settle and last - then >= timing.slowing
-        return judged and before - speed > most * (last - then)
+        most = self._table.coasts_m_s2 - GRAVITY * STEEP + self._slope(STEEP)
+        return now - self._slowed >= timing.settle and self._slowing(timing.slowing) > most
+
+    def _brake_is_silent(self, now: float, demanded: Mapping[str, float]) -> bool:
+        """Whether the truck hardly slows although we have demanded what gives HARD_M_S2 and more."""
+        timing, axes = self._table.timing, self._table.axes
+        share = max(demanded.get(axis.name, 0.0) / axis.holds_beyond for axis in axes)
+        self._braked.append((now, share))
+        while now - self._braked[1][0] >= timing.answer:
+            self._braked.popleft()
+        if share <= 1 or not now - self._braked[0][0] >= timing.answer or not self.value("speed") > MOVES_M_S:
+            return False
+        asked = HARD_M_S2 * min(least for _, least in self._braked)
+        least = GIVES_LITTLE * asked + self._slope(-UNHEARD_SLOPE)
+        return asked > HARD_M_S2 and self._slowing(timing.slowing) < least
 
     def _shifting(self, now: float) -> bool:
         value, _, since = self._values.get("shifting", NEVER)

@@ -94,6 +94,12 @@ class Motion:
         away = abs(value - rest) > abs(self.value - rest) + quantum
         return away or abs(value - self.value) > self.axis.limits.fade * self.elapsed(now) + quantum
 
+    def falls(self, value: float, speed: float, now: float) -> bool:
+        """True when a demand is nearer to rest than the last one, unless the envelope brings it there."""
+        reach = max(map(abs, self.envelope(speed, now)))
+        least = min(abs(self.value - self.axis.rest), reach)
+        return abs(value - self.axis.rest) < least - 1.01 * self.axis.demand.scale
+
     def took(self, data: bytes, speed: float, now: float) -> None:
         """A frame left: remember it."""
         word = int.from_bytes(data, "little")

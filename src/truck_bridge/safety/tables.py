@@ -61,6 +61,12 @@ class Axis:
     rest: float = 0.0  # the demand that asks for nothing
     idle_at_rest: bool = False  # rest is sent as the release frame (XBR of 0 would hold the speed)
     start_from: str = ""  # heard signal (same unit) where the demand starts at engagement
+    holds_beyond: float = math.inf  # signed demand beyond which a loss of control goes on braking
+
+    @property
+    def brakes(self) -> bool:
+        """Whether its demands slow the truck: all but those on the engine."""
+        return self.name != "engine"
 
 
 @dataclass(frozen=True)
@@ -102,11 +108,13 @@ class Allowed:
 @dataclass(frozen=True)
 class Obeyed:
     """What a controller says that it obeys: a heard signal, and its values where that is the controller
-    itself or us.
+    itself or us. Where the signal is an address, the controller of `axis` obeys us from a demand on.
     """
 
     signal: str
     explained: tuple[float, ...]
+    axis: str = ""
+    from_demand: float = 10.0  # absolute, in the unit of the axis: less may be the controller's own
 
 
 @dataclass(frozen=True)
@@ -137,8 +145,12 @@ class Timing:
     stall: float = 0.1  # not requested for so long while engaged: the truck has timed out, release
     handover: float = 2.0  # after engagement, rates are scaled by handover_scale
     handover_scale: float = 0.5
+    stands: float = 3.0  # standing for longer, the truck drives off only for a person (ISO 15622)
     fade_longest: float = 4.0
+    blind: float = 20.0  # going on to brake without a speed: 30 m/s take so long at 1.5 m/s^2
     persist: float = 0.5  # an implausible pair of signals for so long is a fault
+    weak: float = 1.5  # torque far below our demand for so long, outside of gear changes: turbos need 1 s
+    answer: float = 1.5  # after which a truck slows that is braked: 0.5 s, and `slowing`
     unexplained: float = 1.0  # somebody else's demand obeyed for so long, outside of gear changes, is a fault
     slowing: float = 1.0  # a deceleration is the mean over so long
     settle: float = 2.0  # after our last demand that slows, or engagement, brakes may still act for so long
@@ -154,7 +166,7 @@ class Table:
     address: int  # ours
     axes: tuple[Axis, ...]
     heard: tuple[Heard, ...]
-    always: tuple[int, ...]  # identifiers that may leave whenever armed: address claim, and its request
+    always: tuple[int, ...]  # identifiers that may leave whenever armed: address claim, its request, DM1
     allowed: tuple[Allowed, ...]  # what transmission, brakes ... may demand of our axes; nobody else anything
     override: tuple[tuple[str, float], ...]  # driver signals, at or above which the driver takes over
     forbidden: tuple[tuple[str, float], ...]  # truck signals at a value that forbids control: parking brake

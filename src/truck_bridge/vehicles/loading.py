@@ -15,6 +15,7 @@ from truck_bridge import channels, j1939
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, ids
 from truck_bridge.j1939.codec import Codec, Layout, Signal
+from truck_bridge.j1939.diagnostics import DM1
 from truck_bridge.safety import tables
 from truck_bridge.units import to_si
 from truck_bridge.vehicles.schema import check
@@ -22,6 +23,8 @@ from truck_bridge.vehicles.vehicle import Blocking, Transmitted, Vehicle
 
 NAMES = ("trucksim", "freightliner", "volvo")
 COASTS_M_S2 = 1.5  # up a slope of 10 % with drag and a dragging engine; 40 % of the pedal slow by 1.6 to 3.6
+SET_SPEED = 25.0  # m/s, 90 km/h: to what Directive 92/6/EEC limits heavy vehicles
+HOLDS_BEYOND = {"m/s^2": 1.5, "percent": 20.0}  # 1.5 m/s^2 of the strongest brakes, 7.5 m/s^2
 MOTION = ("fastest", "still", "rises")  # columns of a received message, as `Measured` has them
 
 
@@ -76,7 +79,7 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         address=own,
         axes=tuple(message.axis for message in sent.values()),
         heard=received,
-        always=_claims(own),
+        always=_always(own),
         allowed=tuple(_allowed(data, sent)),
         override=tuple((name, float(value)) for name, value in data["driver"].items()),
         forbidden=tuple((name, float(value)) for name, value in data["forbidden"].items()),
@@ -85,9 +88,7 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         timing=_timing(data),
         engage_speed=_pair("engage.speed", data["engage"]["speed"]),
         needs_lead=data["engage"]["needs_lead"],
-        obeyed=tuple(
-            tables.Obeyed(name, tuple(map(float, those))) for name, those in data.get("obeys", {}).items()
-        ),
+        obeyed=tuple(_obeyed(data, sent)),
         followed=tuple(_followed(axis, spec, sent) for axis, spec in follows.items()),
     )
     return Vehicle(
@@ -104,6 +105,7 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         table=table,
         blocking=_blocking(data["faults"]) if "faults" in data else Blocking(),
         named=_named(data),
+        set_speed=data.get("set_speed", SET_SPEED),
     )
 
 
@@ -114,6 +116,14 @@ def _named(data: dict[str, Any]) -> dict[str, list[tuple[int, dict[str, str]]]]:
         names = {source: name for name, source in spec["signals"].items()}
         found.setdefault(spec.get("message", key), []).append((_address(data, spec["from"]), names))
     return found
+
+
+def _obeyed(data: dict[str, Any], sent: dict[str, Transmitted]) -> Iterator[tables.Obeyed]:
+    """Who is obeyed by which controller: of an axis that we command, where the signal is an address."""
+    names = {name: source for spec in data["receive"].values() for name, source in spec["signals"].items()}
+    for signal, explained in data.get("obeys", {}).items():
+        axis = names[signal].removesuffix("ControllingAddress").lower()
+        yield tables.Obeyed(signal, tuple(map(float, explained)), axis if axis in sent else "")
 
 
 def _followed(axis: str, spec: dict[str, Any], sent: dict[str, Transmitted]) -> tables.Followed:
@@ -129,10 +139,10 @@ def _blocking(spec: dict[str, Any]) -> Blocking:
     return Blocking(frozenset(spec.get("lamps", [])), codes, spec.get("listen", Blocking.listen_s))
 
 
-def _claims(own: int) -> tuple[int, ...]:
-    claim = ids.Identifier(6, ids.ADDRESS_CLAIMED, ids.GLOBAL, own)
-    cannot = ids.Identifier(6, ids.ADDRESS_CLAIMED, ids.GLOBAL, ids.NULL)
-    return claim.can_id, cannot.can_id
+def _always(own: int) -> tuple[int, ...]:
+    """Address claimed, address not claimed, and DM1."""
+    groups = ((ids.ADDRESS_CLAIMED, own), (ids.ADDRESS_CLAIMED, ids.NULL), (DM1, own))
+    return tuple(ids.Identifier(6, group, ids.GLOBAL, source).can_id for group, source in groups)
 
 
 def _transmitted(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec, own: int) -> Transmitted:
@@ -156,8 +166,22 @@ def _transmitted(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Co
         _limits(key, spec["limits"], _timing(data)),
         idle_at_rest=spec.get("idle_at_rest", False),
         start_from=spec.get("start_from", ""),
+        holds_beyond=_holds_beyond(key, spec, data["interface"]["brake_unit"]),
     )
     return Transmitted(axis, layout, spec["demand"], spec["active"], spec["release"], spec["phase"])
+
+
+def _holds_beyond(key: str, spec: dict[str, Any], brake_unit: str) -> float:
+    """The demand from which a loss of control goes on braking; of a brake that states none, a low one."""
+    if key == "engine" and "holds_beyond" in spec:
+        raise InputError("transmit.engine.holds_beyond: engine torque does not brake")
+    lowest, highest = min(spec["limits"]["low"]), max(spec["limits"]["high"])
+    edge = lowest if highest <= 0 else highest
+    usual = HOLDS_BEYOND[brake_unit] if key == "brake" else math.inf
+    beyond = float(spec.get("holds_beyond", math.copysign(usual, edge)))
+    if "holds_beyond" in spec and not 0 < beyond / edge < 1:
+        raise InputError(f"transmit.{key}.holds_beyond is {beyond:g}; give a demand between 0 and {edge:g}")
+    return beyond
 
 
 def _allowed(data: dict[str, Any], sent: dict[str, Transmitted]) -> Iterator[tables.Allowed]:

@@ -59,7 +59,7 @@ TRANSMIT = _keys(
         "release": _any(VALUE),
         "limits": LIMITS,
     },
-    {"idle_at_rest": SWITCH, "start_from": TEXT},
+    {"idle_at_rest": SWITCH, "start_from": TEXT, "holds_beyond": VALUE},
 )
 DEMAND = _keys({"modes": _list({"enum": [1, 2, 3]}), "longest": SECONDS, "period": _list(SECONDS)})
 RECEIVE = _keys(
@@ -84,10 +84,14 @@ TIMING = {  # s; what a controller may be late by is a few of its cycles, and no
     "stall": _number(0.02, 0.5),
     "handover": _number(0.5, 10),
     "handover_scale": _number(0.05, 1),  # 1: rates are never raised
+    "stands": _number(1, 600),
     "fade_longest": _number(0.5, 10),
+    "blind": _number(1, 60),
     "persist": _number(0.05, 2),
     "slowing": _number(0.5, 5),
     "settle": _number(0.5, 10),
+    "weak": _number(0.5, 10),
+    "answer": _number(0.5, 5),
     "unexplained": _number(0.1, 5),
     "gear_change": _number(0.1, 10),
     "quiet": _number(0.1, 60),
@@ -129,6 +133,7 @@ VEHICLE: Schema = {
             "obeys": _any(_list(VALUE)),
             "follows": _any(_keys({"signal": TEXT, "beyond": VALUE})),
             "coasts": _number(0.3, 5),
+            "set_speed": _number(1, 50),
             "faults": _keys({}, FAULTS),
             "timing": _keys({}, TIMING),
         },

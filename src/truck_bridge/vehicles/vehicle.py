@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from truck_bridge.j1939 import checksums
@@ -64,6 +64,7 @@ class Vehicle:
     transmitted: dict[str, Transmitted]  # by axis: engine, retarder, brake
     table: Table
     blocking: Blocking
+    set_speed: float  # m/s, faster than which nobody is followed
     # by message of the table: who sends it, and the table's name of each of its signals
     named: dict[str, list[tuple[int, dict[str, str]]]]
 
@@ -82,6 +83,18 @@ class Vehicle:
             found[axis] = min(max(found[axis], min(limits.low)), max(limits.high))
         sane = self._sane("engine", engine), self._sane("brake", brake)
         return found if all(sane) else dict.fromkeys(found, math.nan)
+
+    def driving_off(self) -> Vehicle:
+        """The vehicle that drives off after a leader, however long it stood, without asking its driver."""
+        timing = replace(self.table.timing, stands=math.inf)
+        return replace(self, table=replace(self.table, timing=timing))
+
+    def without_actuators(self) -> Vehicle:
+        """The vehicle whose actuators get nothing of ours, so that what they do is nothing against us."""
+        table = self.table
+        axes = tuple(replace(axis, holds_beyond=math.inf) for axis in table.axes)
+        obeyed = tuple(replace(one, axis="") for one in table.obeyed)
+        return replace(self, table=replace(table, axes=axes, obeyed=obeyed, followed=()))
 
     def commands(self, demands: dict[str, float]) -> tuple[float, float]:
         """Inverse of `demands`: engine and brake command in the truck's interface."""

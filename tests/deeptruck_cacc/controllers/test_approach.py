@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from deeptruck_cacc.controllers.approach import approach
+from deeptruck_cacc.controllers.approach import approach, cruise
 
 RATE = 1.0
 
@@ -40,3 +40,11 @@ def test_torch_gives_the_same_and_a_gradient():
     np.testing.assert_allclose(told.grad, expected[1])  # the slope is the slope
     np.testing.assert_allclose(slope.detach(), expected[1])
     assert np.isnan(approach(np.array([np.nan]), np.array([2.0]), RATE)[0]).all()
+
+
+def test_nobody_is_followed_faster_than_the_set_speed():
+    seen = {"leader_speed": np.array([20.0, 33.0, 20.0]), "gap": np.array([30.0, 60.0, 90.0])}
+    led = cruise({**seen, "target_time_gap": np.full(3, 2.0)}, 25.0)
+    np.testing.assert_array_equal(led["leader_speed"], [20.0, 25.0, 20.0])
+    np.testing.assert_array_equal(led["gap"], [30.0, 50.0, 50.0])
+    assert (cruise({**seen, "target_time_gap": 2.0}, np.inf)["gap"] == seen["gap"]).all()

@@ -45,3 +45,20 @@ def test_what_a_truck_that_is_held_does_not_give_is_not_summed_up() -> None:
     held = {"leader_speed": 1.0, "speed": 0.0, "gap": 8.0, "target_time_gap": 12.0}
     engines = [driver.act({n: np.array([x]) for n, x in held.items()})[0][0] for _ in range(100)]
     assert engines[0] > driver.pedals.scale.engine_low and np.ptp(engines) == 0.0
+
+
+@pytest.mark.parametrize("grade", [-0.06, 0.0, 0.06])
+@pytest.mark.parametrize("truck", ["trucksim", "volvo"])
+def test_behind_a_standing_leader_the_brake_alone_holds(truck: str, grade: float) -> None:
+    driver = baseline("acc", simulators.load(f"truck:{truck}").interface)
+    for speed, gap in ((1.5, 9.0), (0.5, 7.0), (0.1, 6.5), (0.0, 6.0), (0.0, 9.0)):
+        seen = {"leader_speed": 0.02, "gap": gap, "speed": speed, "grade": grade, "target_time_gap": 12.0}
+        engine, brake = driver.act({name: np.array([value]) for name, value in seen.items()})
+        assert engine[0] == driver.pedals.scale.engine_low
+    # 0.6 m/s^2 beyond the slope, of the 4.5 that the nominal map gives
+    assert brake[0] >= (0.6 + 9.8 * abs(grade) - 0.2) / 4.6 * driver.pedals.scale.brake_high
+    driver.act({**{name: np.array([value]) for name, value in seen.items()}, "leader_speed": np.array([3.0])})
+    moving = {**seen, "leader_speed": 3.0, "gap": 12.0}
+    for _ in range(20):
+        engine, brake = driver.act({name: np.array([value]) for name, value in moving.items()})
+    assert engine[0] > driver.pedals.scale.engine_low and brake[0] == 0.0

@@ -533,3 +533,13 @@ def test_a_truck_without_brakes_gets_no_promise():
 
     with pytest.raises(InputError, match="no brake"):
         truck_limits.measure(Coaster())
+
+
+def test_stored_limits_are_of_these_parameters_and_slopes_alone(truck):
+    parameters = truck.parameters()
+    stored = truck_limits.known(truck.interface, parameters)
+    assert stored is not None and stored == truck_limits.known(truck.interface)
+    assert truck_limits.known(truck.interface, {**parameters, "mass": parameters["mass"] * 1.01}) is None
+    assert truck_limits.known(truck.interface, parameters, -0.03) is not None
+    assert truck_limits.known(truck.interface, parameters, -0.031) is None
+    assert truck_limits.digest({"b": 2.0, "a": 1.0}) == truck_limits.digest({"a": 1.0 + 1e-12, "b": 2.0})

@@ -39,13 +39,14 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
     def __init__(self) -> None:
         DeeptruckNode.__init__(self, "can_bridge")
         LifecycleNodeMixin.__init__(self)
-        self._vehicle = vehicles.load(self.p["vehicle"])
+        vehicle = vehicles.load(self.p["vehicle"])
+        self._vehicle = vehicle.driving_off() if self.p["drives_off"] else vehicle
         self._bridge = Bridge(self._vehicle, self._open(), no_load=self.p["no_load"], reopen=self._open)
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._signals: dict[str, float] = {}
         self._published_at = self._lead_at = self._asked_at = self._sent_engaged_at = -math.inf
-        self._sent_engaged = False
+        self._sent_engaged, self._said = False, ""
         self._armed_at = self._counted_at = math.nan  # monotonic, s
         self._in_control = 0.0  # s
         self._say_at = math.inf  # when to say what stands against engaging
@@ -126,8 +127,9 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         engaged = self._bridge.engaged
         self._in_control += (now - self._counted_at) * engaged
         self._counted_at = now
-        if engaged != self._sent_engaged:
-            say("engaged" if engaged else self._bridge.status.warning)
+        said, self._said = self._said, "engaged" if engaged else self._bridge.status.warning
+        if self._said and self._said != said:
+            say(self._said)
         if engaged != self._sent_engaged or now - self._sent_engaged_at > ENGAGED_PERIOD_S:
             self._sent_engaged, self._sent_engaged_at = engaged, now
             self._engaged.publish(messages.scalars(self.now(), ENGAGED.fields, {"engaged": engaged}))
@@ -150,7 +152,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         if not self.diagnosis_is_due(stamp):
             return
         status = self._bridge.status
-        level = "warn" if status.warning else "ok"
+        level = "error" if status.state == "stopping" else "warn" if status.warning else "ok"
         says = status.warning or status.reason or status.state
         counters = {f"refused: {name}": count for name, count in status.refusals.items()}
         counters |= {f"lost: {name}": count for name, count in status.losses.items()}
@@ -180,7 +182,9 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
     def _on_command(self, message: JointState) -> None:
         values = messages.read_scalars(message)
         engine, brake = (values.get(name, math.nan) for name in COMMAND.fields[:2])
-        self._bridge.command(engine, brake, time.monotonic(), engaged=values.get("engaged") == 1.0)
+        room, needed = (values.get(name, math.nan) for name in ("room", "needed_gap"))
+        engaged, gap = values.get("engaged") == 1.0, (room + needed, needed)
+        self._bridge.command(engine, brake, time.monotonic(), engaged=engaged, gap=gap)
 
     def _on_range(self, message: Range) -> None:
         if math.isfinite(message.range) and nanoseconds(message.header.stamp):

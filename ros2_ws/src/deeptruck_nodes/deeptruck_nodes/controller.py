@@ -32,8 +32,9 @@ class Controller(DeeptruckNode):
     def __init__(self) -> None:
         super().__init__("controller")
         interface = TruckInterface.from_dict(json.loads(self.p["interface"])) if self.p["interface"] else None
-        shield, limits_of = self.p["shield"], self.p["limits_of"]
-        guard = load_controller(self.p["policy"], interface, shield=shield, limits_of=limits_of)
+        options = {name: self.p[name] for name in ("shield", "limits_of", "limits_grade")}
+        guard = load_controller(self.p["policy"], interface, **options)
+        guard.set_speed = self.p["set_speed"]
         self._following = Following(guard, self.p["target_time_gap"], self.p["lose_lead_after_s"])
         mapped = "road_map" in self.p["peers"]
         self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["stale_after_s"], mapped)
@@ -72,7 +73,8 @@ class Controller(DeeptruckNode):
 
     def _send(self, stamp: int) -> None:
         self._sent_at = time.monotonic()
-        values = dict(zip(COMMAND.fields, (*self._following.held, float(self._drives)), strict=True))
+        said = (*self._following.held, float(self._drives), *self._following.room)
+        values = dict(zip(COMMAND.fields, said, strict=True))
         self._command.publish(messages.scalars(stamp, COMMAND.fields, values))
 
     @property
@@ -136,7 +138,10 @@ class Controller(DeeptruckNode):
         events, led = self._following.events, self._following.leads
         self._following.take(observation, obeyed=self._drives)
         self._send(observation.stamp)
-        leads, values = self._following.leads, {**self._counts, "gap_m": observation.gap}
+        leads, values = (
+            self._following.leads,
+            {**self._counts, "gap_m": observation.gap, "set_speed": self.p["set_speed"]},
+        )
         level, says = ("ok", "following") if leads else ("warn", f"{self._following.why}: no command")
         if led and not leads and self._drives:
             say(f"control ends: {self._following.why}")

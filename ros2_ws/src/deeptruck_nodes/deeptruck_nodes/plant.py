@@ -6,13 +6,19 @@ import math
 
 import numpy as np
 
+from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.truck_limits import known
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, FUEL, SPEED
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.trucks.accelerometer import Accelerometer
+from deeptruck_nodes.following import HOLDS_M_S2
 from deeptruck_nodes.roads import Road
+from truck_bridge.safety.ending import BrakeHold
 
 FADE_S = 1.0  # in which a command that is lost runs out, as the bridge fades the engine by 100 % a second
+STANDS_M_S = 0.1
 
 
 class Plant:
@@ -27,6 +33,10 @@ class Plant:
         idle = np.zeros((1, len(self.interface.u))), np.zeros((1, len(self.interface.w)))
         simulator.step(self._state, *idle)  # compiles what is compiled, before anybody waits for it
         self._held, self._left = (0.0, 0.0), 1.0  # the last command, and the share of it that still counts
+        limits = known(simulator.interface, simulator.parameters()) or Promise()
+        share = limits.bite + HOLDS_M_S2 / limits.brake_gain
+        self._hold = BrakeHold({"brake": share * ActionScale.of(simulator).brake_high or math.inf})
+        self.stopping = False  # braking to a standstill without a command
         self.distance = 0.0
         self.grade, self.elevation = road.at(0.0)
         self._accelerometer = Accelerometer(seed=0)
@@ -46,13 +56,19 @@ class Plant:
         return float(self._y[0, ACCELERATION])
 
     def step(self, engine_command: float, brake_command: float) -> None:
-        """Advance by dt under a held command; without one (NaN) the last one fades to nothing in FADE_S."""
+        """Advance by dt under a held command; without one (NaN) the last one fades to nothing in FADE_S.
+
+        Braking for a hazard goes on without a command to a standstill and there, until the next command.
+        """
         before, given = self.speed, (engine_command, brake_command)
-        if math.isfinite(engine_command + brake_command):
-            self._held, self._left = given, 1.0
+        valid = math.isfinite(engine_command + brake_command)
+        if valid and not (self.stopping and before > STANDS_M_S):
+            self._held, self._left, self.stopping = given, 1.0, False
         else:
+            self.stopping = self.stopping or self._hold.begin({"brake": self._held[1]})
             self._left = max(self._left - self.dt / FADE_S, 0.0)
-        u = self._left * np.array([self._held[: len(self.interface.u)]])
+        brake = self._hold.rise("brake", brake_command) if self.stopping else self._left * self._held[1]
+        u = np.array([(self._left * self._held[0], brake)[: len(self.interface.u)]])
         w = np.full((1, len(self.interface.w)), self.grade)
         self._state, self._y = self._simulator.step(self._state, u, w)
         self.distance += (before + self.speed) / 2 * self.dt

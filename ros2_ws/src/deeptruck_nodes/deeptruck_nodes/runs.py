@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -61,7 +61,10 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
         **_page(common, interface),
         "leader": {},
         **_map(given),
-        "controller": {**_controller(policy, interface), **_limits(interface, _named(simulator))},
+        "controller": {
+            **_controller(policy, interface),
+            **_limits(interface, _named(simulator), _descent(given)),
+        },
         "truck_sim": {"simulator": _named(simulator)},
     }
     sections = _merged(sections, given, common, misfits)
@@ -104,20 +107,21 @@ def drive_vehicle(
     sections |= {"leader": {}} if "leader" in given else {}
     sections |= _map(given)
     # the simulator in a vehicle's file is what the emulator drives, not the truck on a real bus
-    limits = _limits(interface, str(vehicle.truck)) if vehicle and emulate else {}
-    sections |= {"controller": {**_controller(policy, interface), **limits}, "can_bridge": {}}
+    slope = misfits.of(lambda: road(grade)) or (lambda distance: 0.0)
+    limits = _limits(interface, str(vehicle.truck), _steepest(slope)) if vehicle and emulate else {}
+    set_speed = {"set_speed": vehicle.set_speed} if vehicle else {}
+    sections |= {"controller": {**_controller(policy, interface), **limits, **set_speed}, "can_bridge": {}}
     sections = _merged(sections, given, common, misfits)
     if "mismatch_monitor" in sections:
         sections["mismatch_monitor"]["no_load"] = sections["can_bridge"].get("no_load", False)
     _look_at_driving(misfits, common, sections, policy, interface)
-    misfits.of(lambda: road(grade))
     misfits.of(lambda: driver_actions(driver))
     if vehicle is not None:
         misfits.of(lambda: actuator_faults(actuators, vehicle))
     misfits.of_node(sections, "road_map", lambda p: run_checks.map_is_known(p["road"]))
     misfits.of_node(sections, "can_bridge", lambda p: run_checks.bus_opens(p["interface"], p["channel"]))
     domain = _checked(misfits, common, sections)
-    _say_limits(sections["controller"], interface)
+    _say_limits(sections["controller"], interface, real=not emulate)
     others: tuple[Program, ...] = ()
     if emulate and vehicle is not None:
         _compile(str(vehicle.truck))
@@ -226,30 +230,63 @@ def _controller(policy: str, interface: TruckInterface | None) -> dict[str, Any]
     }
 
 
-def _limits(interface: TruckInterface | None, simulator: str) -> dict[str, str]:
-    """The simulator on which the controller measures the limits of a truck that was not measured before.
+def _limits(interface: TruckInterface | None, simulator: str, descent: float) -> dict[str, Any]:
+    """The simulator on which the controller measures the limits of a truck that was not measured before: it
+    has other parameters, or drives steeper descents.
 
     Not one that somebody else wrote: it may take minutes for the 588 stops.
     """
-    from deeptruck_cacc.safety.truck_limits import known
+    from deeptruck_cacc.safety.truck_limits import STEEPEST, known
+    from deeptruck_model import simulators
 
-    if interface is None or interface.brake_unit is None or known(interface) is not None:
+    if interface is None or interface.brake_unit is None or simulator.startswith(("python:", "fmu:")):
         return {}
-    return {} if simulator.startswith(("python:", "fmu:")) else {"limits_of": simulator}
+    parameters = simulators.load(simulator).parameters()
+    if known(interface, parameters, descent) is not None:
+        return {}
+    return {"limits_of": simulator, "limits_grade": min(descent, STEEPEST)}
 
 
-def _say_limits(controller: Mapping[str, Any], interface: TruckInterface | None) -> None:
-    """One line if the shield's limits are not those stored for the truck."""
+def _descent(given: Sections) -> float:
+    """Steepest descent of the simulated truck's road; 0 where its text is none, which is refused later."""
+    from deeptruck_nodes import roads
+
+    try:
+        road = roads.parse(given["truck_sim"]["road"])
+    except InputError:
+        return 0.0
+    return _steepest(lambda distance: road.at(distance)[0])
+
+
+def _steepest(slope: Callable[[float], float]) -> float:
+    """Steepest descent of 20 km of a road, rise over run, in thousandths."""
+    return round(min(slope(25.0 * step) for step in range(800)), 3)
+
+
+def _say_limits(
+    controller: Mapping[str, Any], interface: TruckInterface | None, *, real: bool = False
+) -> None:
+    """The set speed, and a line if the shield's limits are not those stored for the truck."""
     from deeptruck_cacc.safety.truck_limits import known
 
+    set_speed = parameters.checked("controller", controller)["set_speed"]
+    print(f"set speed: {set_speed:g} m/s ({3.6 * set_speed:.0f} km/h)", flush=True)
     if interface is None or not controller.get("shield", True) or interface.brake_unit is None:
         return
     if simulator := controller.get("limits_of"):
-        print(f"limits of {interface.name}: measured on {simulator} at the start", flush=True)
+        grade = parameters.checked("controller", controller)["limits_grade"]
+        where = f"measured on {simulator} at the start, on descents to {-100 * grade:g} %"
+        print(f"limits of {interface.name}: {where}", flush=True)
     elif known(interface) is None:
         print(
             f"note: the limits of {interface.name} were never measured: the shield assumes weak brakes and "
             "keeps long gaps; 'controller: {limits_of: SIM}' in --parameters measures them on a simulator",
+            flush=True,
+        )
+    elif real:
+        print(
+            f"note: the limits of {interface.name} are those of the truck of that name on descents to 3 %; "
+            "one of another load needs its own: 'controller: {limits_of: SIM}' in --parameters",
             flush=True,
         )
 

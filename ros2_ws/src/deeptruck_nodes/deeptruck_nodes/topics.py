@@ -100,8 +100,9 @@ COMMAND = Topic(
     "/truck/command", JointState, ("controller", "replay"),
     ("truck_sim", "can_bridge", "mismatch_monitor", "recorder"),
     "every radar sample; in real time at least every 50 ms",
-    "the truck interface's units; engaged 1: they drive, as bridge or simulated truck said last",
-    ("engine_command", "brake_command", "engaged"),
+    "the truck interface's units; engaged 1: they drive, as bridge or simulated truck said last; "
+    "room and needed_gap, m: how much farther the vehicle ahead is than the shield needs, NaN: not known",
+    ("engine_command", "brake_command", "engaged", "room", "needed_gap"),
 )  # fmt: skip
 ENGAGED = Topic(
     "/truck/engaged", JointState, SOURCES, ("controller", "mismatch_monitor", "recorder"),

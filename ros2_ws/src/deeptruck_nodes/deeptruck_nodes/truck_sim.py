@@ -134,6 +134,8 @@ class TruckSim(DeeptruckNode):
 
     def _report(self, stamp: int) -> None:
         level, says = ("warn", "no command: coasting") if self._coasting else ("ok", "driving")
+        if self._plant.stopping:
+            level, says = "error", "no command while it braked for a hazard: braking to a standstill"
         worst = {} if self.lockstep else {"worst_lateness_s": self._latest_by}
         values = {"time_s": self._seconds, "distance_m": self._plant.distance, **worst}
         self.diagnose(stamp, level, says, values)
