@@ -30,7 +30,7 @@ class Objects(NamedTuple):
     unseen_s: Array  # s since its last reading
     range: Array  # m, its last reading carried on by the speeds
     opened: Array  # m by which its range has grown beyond the speeds; never negative
-    by_range: Array  # m/s, its speed as the range alone tells it, over `range_s`,
+    by_range: Array  # m/s, its speed by the range alone, over `range_s`,
     by_radar: Array  # m/s, and as the radar does, over the same time
     beyond_s: Array  # s for which its range has been beyond its near edge
     beyond: Array  # m by which its last reading left the speeds
@@ -119,7 +119,7 @@ class Tracker:
     most_factor: float = 0.04  # more than worn tyres explain
     learn_speed: float = 5.0  # m/s, above which it is learned
     opened_m: float = 2.0
-    leak: float = 0.03  # m/s, slower than which a drift is not noticed; more for a radar with noise
+    leak: float = 0.03  # m/s, slower than which a drift is not detected; more for a radar with noise
     accelerate_s: float = 1.0
     range_s: float = 0.7
     noise_m: float = 0.01  # mean second difference from which a range is noisy; that of 0.1 m (1 sd) is 0.2
