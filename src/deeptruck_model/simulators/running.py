@@ -107,8 +107,8 @@ def said_of_rollout(simulator: MinimalSimulator) -> str:
 def differs(simulator: Simulator, u: Array, w: Array, y0: Array, recorded: Array | None) -> bool:
     """Whether a `rollout` that others wrote differs from the steps, along the first of these drives."""
     kind = _author(simulator)
-    if kind.__module__.startswith("deeptruck_model."):
-        return False
+    if kind.__module__.startswith("deeptruck_model.") or not hasattr(simulator, "step"):
+        return False  # ours, which tests hold, or without steps to compare it with
     if kind not in _judged:
         n = max(2, round(PROBED_S / simulator.dt))
         along = None if recorded is None else recorded[:1, :n]

@@ -77,7 +77,6 @@ def test_what_it_leaves_out_is_filled_in_and_what_it_has_beyond_is_passed_on(shu
         ("Diverges", "its y is not finite"),
         ("Lone", "step raised TypeError"),
         ("Raises", r"step raised ZeroDivisionError at \w+.py:\d+ \(by zero\)"),
-        ("Rolls", "its y is not finite"),
     ],
 )
 def test_a_wrong_answer_is_one_line_that_names_it(shuttle: Path, factory: str, says: str) -> None:
