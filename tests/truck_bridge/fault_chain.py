@@ -215,7 +215,9 @@ class Chain:
             return
         self._sent = self.now
         if command := self.command(*self.following.held, self._engaged):
-            self.bridge.command(*command[:2], self.now + self.offset, engaged=command[2])
+            room, needed = self.following.room
+            gap = room + needed, needed
+            self.bridge.command(*command[:2], self.now + self.offset, engaged=command[2], gap=gap)
 
     def braking_fully(self, fails: Callable[[float], dict[str, float]] | None = None) -> Stop:
         """What the truck as it is now reaches by its full brake command alone, within 30 s.
