@@ -31,7 +31,7 @@ class Objects(NamedTuple):
     range: Array  # m, its last reading carried on by the speeds
     opened: Array  # m by which its range has grown beyond the speeds; never negative
     by_range: Array  # m/s, its speed by the range alone, over `range_s`,
-    by_radar: Array  # m/s, and as the radar does, over the same time
+    by_radar: Array  # m/s, and as the radar reports it, over the same time
     beyond_s: Array  # s for which its range has been beyond its near edge
     beyond: Array  # m by which its last reading left the speeds
 
