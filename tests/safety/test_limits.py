@@ -9,22 +9,24 @@ import pytest
 
 from truck_bridge.safety import Axis, State, Timing
 
+# Brakes: 5 m/s^2 at every speed. What an automatic system brakes by in an emergency has no upper limit in UN R131,
+# which asks for 4 m/s^2 and more; what is no emergency is held to less by the guard before the core.
 # axis: unit a bit; (speed, highest demand away from rest) points; unit/s; unit/s in a fade; unit/s^2; period
 REQUIREMENTS = {
     "trucksim": {
         "engine": (1.0, ((0, 80), (5, 100), (40, 100)), 300, 100, 6000, 0.02),
         "retarder": (1.0, ((0, -100), (40, -100)), 200, 100, 4000, 0.05),
-        "brake": (0.0025, ((5, 90), (20, 65)), 300, 60, 6000, 0.02),
+        "brake": (0.0025, ((5, 90), (20, 90)), 300, 60, 6000, 0.02),
     },
     "freightliner": {
         "engine": (1.0, ((0, 80), (5, 100), (30, 100)), 300, 100, 6000, 0.02),
         "retarder": (1.0, ((0, -100), (30, -100)), 200, 100, 4000, 0.05),
-        "brake": (0.0025, ((5, 80), (20, 50)), 300, 60, 6000, 0.02),
+        "brake": (0.0025, ((5, 80), (20, 80)), 300, 60, 6000, 0.02),
     },
     "volvo": {
         "engine": (1.0, ((0, 80), (5, 100), (40, 100)), 300, 100, 6000, 0.02),
         "retarder": (1.0, ((0, -100), (40, -100)), 200, 100, 4000, 0.05),
-        "brake": (1 / 2048, ((5, -5), (20, -3.5)), 10, 3, 100, 0.02),
+        "brake": (1 / 2048, ((5, -5), (20, -5)), 10, 3, 100, 0.02),
     },
 }
 AXES = ("engine", "retarder", "brake")

@@ -41,7 +41,8 @@ _truck = cache(load_truck)
 
 def controller(vehicle: Vehicle, policy: str) -> Guard:
     """What the controller node loads for a vehicle."""
-    return guard(load_policy(policy, _truck(vehicle.truck).interface))
+    interface = _truck(vehicle.truck).interface
+    return guard(load_policy(policy, interface), brake_limit=vehicle.brake_limit)
 
 
 @dataclass(frozen=True)
@@ -212,7 +213,11 @@ class Chain:
     def _send(self) -> None:
         """The newest command again, while it may be obeyed."""
         if self.now - self._observed > STALE_S:
-            return
+            unseen = self._samples.unseen(round(self.now * SECOND))
+            if not self.following.leads or unseen is None or self.now - self._published > STALE_S:
+                return
+            self._observed = self.now
+            self.following.take(unseen, obeyed=self._engaged)
         self._sent = self.now
         if command := self.command(*self.following.held, self._engaged):
             room, needed = self.following.room

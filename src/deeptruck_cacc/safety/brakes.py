@@ -82,7 +82,7 @@ class Brakes:
         self._speeds = np.concatenate([self._speeds[1:], speed[None]])
         slowing = (self._speeds[0] - speed) / ((len(self._speeds) - 1) * p.dt)
         downhill = np.where(np.isfinite(grade), p.grade_error - grade, p.steepest)
-        promised = p.least_braking(self._shares.min(axis=0), heat, self._speeds[0])
+        promised = p.least_braking(self._shares.min(axis=0), heat)
         ratio = (slowing + GRAVITY * downhill) / np.maximum(promised, self.least)
         judged = (promised >= self.least) & (speed > self.moving) & np.isfinite(ratio)
         ratio = np.clip(ratio, self.least_gain, 1.0)

@@ -245,14 +245,18 @@ class Guard:
         return np.asarray(self._away > 0)
 
 
-def guard(policy: Policy, promise: Promise | None = None, *, shield: bool = True) -> Guard:
+def guard(
+    policy: Policy, promise: Promise | None = None, *, shield: bool = True, brake_limit: float = math.inf
+) -> Guard:
     """A policy with tracker, hand-over and, unless `shield` is False, shield.
 
-    The promise is the given one, else the one stored for a truck of this name, else the cautious default.
+    The promise is the given one, else the one stored for a truck of this name, else the cautious default. Of
+    a brake command no more than `brake_limit`, in its unit, reaches the brakes.
     """
     learned = policy if isinstance(policy, MlpPolicy | OnnxPolicy) else None
     scale = learned.scale if learned else ActionScale.of(policy)
-    promise = replace(promise or known(policy.interface) or Promise(), dt=policy.dt)
+    promise = promise or known(policy.interface) or Promise()
+    promise = replace(promise, dt=policy.dt, limit_share=min(brake_limit / scale.brake_high, 1.0))
     stands = shield and policy.interface.brake_unit is not None
     return Guard(
         policy,
@@ -269,11 +273,12 @@ def load_controller(
     shield: bool = True,
     limits_of: str = "",
     limits_grade: float = STEEPEST,
+    brake_limit: float = math.inf,
 ) -> Guard:
     """The controller for a node: load_policy with a guard, whose promise is measured on the simulator
-    `limits_of` if there is one, on descents to `limits_grade`.
+    `limits_of` if there is one, on descents to `limits_grade`, and holds for brakes to `brake_limit`.
 
     Raises InputError if that cannot be loaded or does not brake.
     """
     promise = measure(simulators.load(limits_of), worst_grade=limits_grade) if limits_of and shield else None
-    return guard(load_policy(path, interface), promise, shield=shield)
+    return guard(load_policy(path, interface), promise, shield=shield, brake_limit=brake_limit)

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 GRAVITY = 9.81
-_THROUGH = (np.arange(12) + 0.5) / 12  # speeds of a stop, as shares of the first one
 
 
 @dataclass(frozen=True)
@@ -25,9 +24,7 @@ class Promise:
     unseen_jerk: float = 0.5  # m/s^3, by which a leader that is not seen may brake harder than it was seen to
     track_s: float = 0.5  # s, time constant with which its braking is taken from its speed
     braking: float = 4.2  # m/s^2, the least the truck brakes when cold, by the full brake command
-    # Share of that command that reaches the brakes at a speed, m/s, linear between: a bus may limit it.
-    limit_speeds: tuple[float, ...] = (0.0,)
-    limit_shares: tuple[float, ...] = (1.0,)
+    limit_share: float = 1.0  # of that command that reaches the brakes: a vehicle's bridge may limit it
     response_s: float = 0.6  # s, until it does
     max_acceleration: float = 2.2  # m/s^2, the most it accelerates, whatever is commanded
     power_per_mass: float = 24.0  # W/kg; a(v) = min(max_acceleration, power_per_mass / v)
@@ -67,23 +64,20 @@ class Promise:
     bridged_s: float = 3.0  # s, for which a steady leader may vanish without more than `mild_braking`,
     bridged_time_gap: float = 2.8  # s, from this time gap on (5 to 29 m/s)
 
-    def braking_when(self, heat: Array, speed: Array | float = 0.0, gain: Array | float = 1.0) -> Array:
-        """Least deceleration (m/s^2) with `heat` J/kg in the brakes, which give `gain` of what is promised,
-        at a speed; at most the leader's."""
+    def braking_when(self, heat: Array, gain: Array | float = 1.0) -> Array:
+        """Least deceleration (m/s^2) with `heat` J/kg in the brakes, which give `gain` of what is promised;
+        at most the leader's."""
         lost = self.fade_per_heat * np.maximum(heat - self.fade_from, 0.0)
-        share = np.maximum(1.0 - lost, self.least_braking_share) * gain * self.reaches_brakes(speed)
+        share = np.maximum(1.0 - lost, self.least_braking_share) * gain * self.limit_share
         return np.asarray(np.minimum(self.braking * share, self.leader_braking))
 
-    def reaches_brakes(self, speed: Array | float) -> Array:
-        """Largest share of the full brake command that reaches the brakes at a speed."""
-        return np.asarray(np.interp(speed, self.limit_speeds, self.limit_shares))
-
-    def least_braking(self, share: Array, heat: Array, speed: Array) -> Array:
+    def least_braking(self, share: Array, heat: Array) -> Array:
         """Least deceleration (m/s^2) on the level by a share of the brake command: the line from
         `mild_braking` at `mild_brake` to the full one, which brakes that saturate lie above; 0 below."""
-        share = np.minimum(share, self.reaches_brakes(speed))
         full = self.braking_when(heat) + GRAVITY * self.steepest
-        beyond = (share - self.mild_brake) / (1.0 - self.mild_brake)
+        beyond = (np.minimum(share, self.limit_share) - self.mild_brake) / (
+            self.limit_share - self.mild_brake
+        )
         line = self.mild_braking + beyond * (full - self.mild_braking)
         return np.asarray(np.where(beyond > 0.0, line, 0.0))
 
@@ -106,12 +100,7 @@ class Promise:
         rise = self.acceleration_at(speed)
         peak = speed + rise * reach
         hot = heat + self.stop_heat * 0.5 * peak**2
-        if len(self.limit_speeds) == 1:
-            braking = self.braking_when(hot, peak, gain)
-        else:  # the mean over the speeds of the stop that takes the same way
-            at = peak[..., None] * _THROUGH
-            each = self.braking_when(hot[..., None], at, np.asarray(gain)[..., None])
-            braking = 0.5 / np.mean(_THROUGH / each, axis=-1)
+        braking = self.braking_when(hot, gain)
         travelled = speed * reach + 0.5 * rise * reach**2 + peak**2 / (2 * braking)
         sampling = 0.5 * peak * self.dt + 0.5 * braking * self.dt**2
         left = leader_speed**2 / (2 * self.leader_braking)

@@ -149,10 +149,10 @@ def _worst_truck(
 ) -> tuple[Array, Array, Array]:
     """Next speed, time under full brake, and heat; `partly` was the brake command before it was full."""
     full = brake >= FULL
-    braking, push = p.braking_when(heat, speed), p.acceleration_at(speed)
-    free = np.where(brake > 0.0, -p.least_braking(brake, heat, speed), np.nan_to_num(engine) * push)
+    braking, push = p.braking_when(heat), p.acceleration_at(speed)
+    free = np.where(brake > 0.0, -p.least_braking(brake, heat), np.nan_to_num(engine) * push)
     late = since >= p.response_s - 1e-9
-    waits = np.where(np.asarray(partly) > 0.0, -p.least_braking(np.asarray(partly), heat, speed), push)
+    waits = np.where(np.asarray(partly) > 0.0, -p.least_braking(np.asarray(partly), heat), push)
     rate = np.where(full, np.where(late, -braking, waits), free)
     after = np.maximum(speed + rate * p.dt, 0.0)
     stopped = p.heat_after(heat, np.zeros(len(heat)), speed)

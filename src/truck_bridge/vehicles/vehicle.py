@@ -96,6 +96,13 @@ class Vehicle:
         obeyed = tuple(replace(one, axis="") for one in table.obeyed)
         return replace(self, table=replace(table, axes=axes, obeyed=obeyed, followed=()))
 
+    @property
+    def brake_limit(self) -> float:
+        """The largest brake command, interface unit, that the envelope lets pass at every speed."""
+        limits = self.transmitted["brake"].axis.limits
+        most = (max(abs(low), abs(high)) for low, high in zip(limits.low, limits.high, strict=True))
+        return min(most)
+
     def commands(self, demands: dict[str, float]) -> tuple[float, float]:
         """Inverse of `demands`: engine and brake command in the truck's interface."""
         engine = demands["engine"] + demands.get("retarder", 0.0) / self._retarder_gain

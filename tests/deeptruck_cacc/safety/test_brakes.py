@@ -21,7 +21,7 @@ def column(*values: float) -> np.ndarray:
 def test_brakes_that_give_half_are_learned_within_a_second_and_need_more_room() -> None:
     """At 3 m/s^2 asked for by a policy the truck slows down by 1.5 m/s^2; once it gives all again, slowly."""
     shield, speed, share = Shield(PROMISE, 0.0, 100.0), 25.0, 0.6
-    promised = float(PROMISE.least_braking(column(share), column(0.0), column(25.0))[0])
+    promised = float(PROMISE.least_braking(column(share), column(0.0))[0])
     gains, rooms, failed = [], [], []
     for k in range(40):
         shield.see(column(150.0), column(25.0), column(speed), column(0.0))
@@ -38,7 +38,7 @@ def test_brakes_that_give_half_are_learned_within_a_second_and_need_more_room() 
 def judged(share: float, gain: float, grade: float = 0.0, known: bool = True, speed: float = 25.0) -> float:
     """The gain that is learned in 3 s of a constant share, from brakes that give `gain` on a slope."""
     brakes = Brakes(PROMISE)
-    promised = float(PROMISE.least_braking(column(share), column(0.0), column(speed))[0])
+    promised = float(PROMISE.least_braking(column(share), column(0.0))[0])
     for _ in range(30):
         brakes.see(column(speed), column(grade if known else np.nan), column(0.0))
         brakes.sent(column(share))

@@ -24,15 +24,16 @@ class Controller(DeeptruckNode):
     nothing is published.
 
     In real time the command is also repeated every `repeat_every_s`, because the bridge uses it as a
-    heartbeat, which must not depend on the radar's rate. Commands stop when the last complete observation is
-    too old, even if single topics continue. Each command carries the engaged bit last received from the
-    bridge or the simulated truck; in lock-step it carries the stamp of the observation.
+    heartbeat, which must not depend on the radar's rate. A radar that is silent, or whose readings are
+    refused, sees no vehicle: what was followed goes on as for a missed reading, until `lose_lead_after_s` are
+    over. Each command carries the engaged bit last received from the bridge or the simulated truck; in
+    lock-step it carries the stamp of the observation.
     """
 
     def __init__(self) -> None:
         super().__init__("controller")
         interface = TruckInterface.from_dict(json.loads(self.p["interface"])) if self.p["interface"] else None
-        options = {name: self.p[name] for name in ("shield", "limits_of", "limits_grade")}
+        options = {name: self.p[name] for name in ("shield", "limits_of", "limits_grade", "brake_limit")}
         guard = load_controller(self.p["policy"], interface, **options)
         guard.set_speed = self.p["set_speed"]
         self._following = Following(guard, self.p["target_time_gap"], self.p["lose_lead_after_s"])
@@ -59,8 +60,10 @@ class Controller(DeeptruckNode):
     def _repeat(self) -> float:
         """Send the newest command again while it may still be obeyed; returns the time until the next
         repetition."""
+        if self._following.leads and self._is_old(self._observed_at):
+            self._act(self._samples.unseen(self.now()))  # a silent radar sees no vehicle
         silent = [name for name in self._received if self._is_stale(name)]
-        if silent or self._is_old(self._observed_at):
+        if (silent and not self._following.leads) or self._is_old(self._observed_at):
             says = f"no {' and '.join(silent) or 'whole observation'}: no command is sent"
             self.diagnose(self.now(), "error", says, self._counts)
             return IDLE

@@ -193,6 +193,8 @@ class Following:
                 if guard.radar_is_frozen[0]
                 else "the radar's range and the speeds contradict each other"
             )
+        if guard.brakes_failed[0]:
+            return f"the brakes give {guard.brake_gain[0]:.0%} of what the command promises"
         lost = guard.unseen_s[0] > self._lose_after_s + 1e-6
         return "the radar sees no vehicle ahead" if lost else ""
 

@@ -88,6 +88,10 @@ class Alignment:
         self._latest[name] = (stamp, value)
         return self._complete()
 
+    def unseen(self, stamp: int) -> Observation | None:
+        """What is known at a stamp at which the radar is silent: no vehicle is seen; None before a speed."""
+        return None if "speed" not in self._latest else self._observe(stamp, math.nan)
+
     def put_map(self, stamp: int, grades: Sequence[float]) -> Observation | None:
         """Add the known grades of the road ahead. Returns the observation that they complete, each
         only once."""
@@ -108,7 +112,7 @@ class Alignment:
         return self._observe(stamp, gap)
 
     def _observe(self, stamp: int, gap: float) -> Observation:
-        speed, leader_speed = self._latest["speed"][1], self._latest["leader_speed"][1]
+        speed, leader_speed = self._latest["speed"][1], self._latest.get("leader_speed", (0, math.nan))[1]
         grade = self._latest.get("grade", (0, 0.0))[1]
         if not (math.isfinite(gap) and math.isfinite(leader_speed)):
             gap = leader_speed = math.nan

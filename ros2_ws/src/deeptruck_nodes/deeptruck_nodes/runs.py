@@ -109,8 +109,8 @@ def drive_vehicle(
     # the simulator in a vehicle's file is what the emulator drives, not the truck on a real bus
     slope = misfits.of(lambda: road(grade)) or (lambda distance: 0.0)
     limits = _limits(interface, str(vehicle.truck), _steepest(slope)) if vehicle and emulate else {}
-    set_speed = {"set_speed": vehicle.set_speed} if vehicle else {}
-    sections |= {"controller": {**_controller(policy, interface), **limits, **set_speed}, "can_bridge": {}}
+    own = {"set_speed": vehicle.set_speed, "brake_limit": vehicle.brake_limit} if vehicle else {}
+    sections |= {"controller": {**_controller(policy, interface), **limits, **own}, "can_bridge": {}}
     sections = _merged(sections, given, common, misfits)
     if "mismatch_monitor" in sections:
         sections["mismatch_monitor"]["no_load"] = sections["can_bridge"].get("no_load", False)
