@@ -41,7 +41,7 @@ bits: list[float] = []
 
 
 def on_command(message: JointState) -> None:
-    assert all(value == value for value in message.position)
+    assert all(value == value for value in message.position[:3])  # the room is unknown where nothing is seen
     bits.append(message.position[COMMAND.fields.index("engaged")])
     came.append(time.monotonic() - begun)
 

@@ -19,8 +19,6 @@ STALE_AFTER, REPEAT_EVERY, LATE = 0.3, 0.05, 0.3  # s; the last is what a busy m
     "silent",
     [
         ("/truck/twist", "/road", "/radar/range", "/radar/twist"),
-        ("/radar/range",),  # the rest goes on and must not keep an old command alive
-        pytest.param(("/radar/twist",), marks=pytest.mark.long),
         pytest.param(("/truck/twist",), marks=pytest.mark.long),
     ],
 )
@@ -37,6 +35,16 @@ def test_a_command_is_repeated_only_while_observations_are_whole(
     samples = 2.0 / 0.2
     assert len(received["came"]) > 2 * samples  # four times as many on an idle machine
     assert max(received["came"]) < received["fed"] + STALE_AFTER + REPEAT_EVERY + LATE, received["came"][-3:]
+
+
+@pytest.mark.parametrize("silent", [("/radar/range", "/radar/twist"), ("/radar/range",)])
+def test_a_silent_radar_sees_no_vehicle_and_what_was_followed_goes_on(
+    domain: int, tmp_path: Path, silent: tuple[str, ...]
+) -> None:
+    """For 3 s, as for readings that see nothing: commands are heard until the feed ends 2 s later."""
+    received, says = fed_controller(domain, tmp_path, silent)
+    assert received["came"][-1] > received["fed"] + 1.5
+    assert "the radar lost the leader 1 time," in says
 
 
 def test_the_engaged_bit_comes_back_with_each_command_and_dies_with_the_bridge(

@@ -173,7 +173,7 @@ def test_brakes_may_only_limit(vehicle):
         (put("transmit", "engine", "check", "crc"), "'crc' is not one of ['none', 'tsc1', 'xbr']"),
         (put("transmit", "engine", "limits", "speed", [0, 40]), "the same number of points"),
         (put("transmit", "engine", "limits", "speed", [0, 5, 5]), "must grow"),
-        (put("transmit", "brake", "limits", "speed", [5, 5.5]), "make it flatter"),
+        (put("transmit", "brake", "limits", "high", [90, 0]), "make it flatter"),
         (put("transmit", "brake", "limits", "low", [1, 1]), "must hold 0"),
         (
             put("transmit", "engine", "limits", "jerk", -1),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.safety.promise import GRAVITY, Promise
+from deeptruck_cacc.safety.promise import Promise
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ class Brakes:
         slowing = (self._speeds[0] - speed) / ((len(self._speeds) - 1) * p.dt)
         downhill = np.where(np.isfinite(grade), p.grade_error - grade, p.steepest)
         promised = p.least_braking(self._shares.min(axis=0), heat)
-        ratio = (slowing + GRAVITY * downhill) / np.maximum(promised, self.least)
+        ratio = (slowing + p.slope_pull * downhill) / np.maximum(promised, self.least)
         judged = (promised >= self.least) & (speed > self.moving) & np.isfinite(ratio)
         ratio = np.clip(ratio, self.least_gain, 1.0)
         time = np.where(ratio < self.gain, self.falls_s, self.rises_s)

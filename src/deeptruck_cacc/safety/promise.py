@@ -71,10 +71,16 @@ class Promise:
         share = np.maximum(1.0 - lost, self.least_braking_share) * gain * self.limit_share
         return np.asarray(np.minimum(self.braking * share, self.leader_braking))
 
+    @property
+    def slope_pull(self) -> float:
+        """What a unit of slope adds to the deceleration by the brakes, m/s^2: less than gravity where they
+        keep a deceleration."""
+        return max(GRAVITY - self.descent_share * self.brake_gain, 0.0)
+
     def least_braking(self, share: Array, heat: Array) -> Array:
         """Least deceleration (m/s^2) on the level by a share of the brake command: the line from
         `mild_braking` at `mild_brake` to the full one, which brakes that saturate lie above; 0 below."""
-        full = self.braking_when(heat) + GRAVITY * self.steepest
+        full = self.braking_when(heat) + self.slope_pull * self.steepest
         beyond = (np.minimum(share, self.limit_share) - self.mild_brake) / (
             self.limit_share - self.mild_brake
         )

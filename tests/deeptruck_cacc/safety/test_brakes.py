@@ -55,6 +55,18 @@ def test_slope_counts_by_what_is_known_of_it_and_weak_commands_say_nothing() -> 
     assert judged(0.6, 1.3) == 1.0
 
 
+def test_brakes_that_keep_a_deceleration_are_not_judged_by_the_slope() -> None:
+    """Uphill they press less for the same deceleration."""
+    promise, speed = replace(PROMISE, descent_share=1.5), 25.0
+    brakes = Brakes(promise)
+    promised = float(promise.least_braking(column(0.4), column(0.0))[0])
+    for _ in range(30):
+        brakes.see(column(speed), column(0.06), column(0.0))
+        brakes.sent(column(0.4))
+        speed -= promise.dt * promised
+    assert brakes.gain[0] == 1.0
+
+
 def test_a_policy_presses_by_the_jerk_and_releases_below_the_bite_at_once() -> None:
     brakes = Brakes(replace(PROMISE, bite=0.05))
     brakes.see(column(20.0), column(0.0), column(0.0))
