@@ -12,7 +12,7 @@ from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.safety.guard import load_controller
 from deeptruck_model.trucks import PhysicsTruck, load, own_truck
 from deeptruck_nodes import leaders
-from deeptruck_nodes.following import Expected, Following
+from deeptruck_nodes.following import Following
 from deeptruck_nodes.observation import SECOND, Observation
 from deeptruck_nodes.plant import Plant
 from deeptruck_nodes.radar import Gap, Radar, RadarErrors
@@ -138,20 +138,3 @@ def test_the_last_command_brakes_for_a_leader_that_braked_and_else_is_none() -> 
     engine, brake = braked[first - 1]
     assert brake > held and engine == guard.shield.engine_low
     assert all(math.isnan(brake) for _, brake in braked[first:])
-
-
-def test_what_the_expected_leader_needs() -> None:
-    expected = Expected(0.1)
-    assert not expected.needs(20.0) > 0.0  # none was seen
-    for _ in range(10):
-        expected.step(52.0, 20.0, 20.0)
-    assert expected.needs(20.0) == 0.0 and expected.needs(25.0) == pytest.approx(25.0 / 2 / 50.0)
-    for _ in range(20):
-        expected.step(math.nan, math.nan, 21.0)  # closing at 1 m/s
-    assert expected.gap == pytest.approx(50.0) and expected.speed == 20.0
-    for k in range(30):
-        expected.step(52.0, 20.0 - 0.2 * k, 20.0)
-    assert expected.braking == pytest.approx(2.0, abs=0.1)
-    assert expected.needs(20.0) == pytest.approx(
-        400.0 / 2 / (50.0 + 14.2**2 / 2 / expected.braking), rel=0.01
-    )

@@ -9,8 +9,8 @@ import pytest
 
 from truck_bridge.safety import Axis, State, Timing
 
-# Brakes: 5 m/s^2 at every speed. UN R131 asks an emergency braking system for 4 m/s^2 and more and sets no upper
-# limit; what is no emergency is held to less by the guard before the core.
+# Brakes: 5 m/s^2 at every speed. UN R131 asks an emergency braking system for 4 m/s^2 and more and sets no
+# upper limit; what is no emergency is held to less by the guard before the core.
 # axis: unit a bit; (speed, highest demand away from rest) points; unit/s; unit/s in a fade; unit/s^2; period
 REQUIREMENTS = {
     "trucksim": {

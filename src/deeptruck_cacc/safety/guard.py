@@ -123,6 +123,14 @@ class Guard:
         return np.where(np.isfinite(room), room, np.nan)
 
     @property
+    def needed_braking(self) -> Array:
+        """Constant deceleration, m/s^2 (batch,), with which the truck stops short of every object, each
+        going on as it was last seen to; 0 without a shield."""
+        if self.shield is None:
+            return np.zeros(len(self.unseen_s))
+        return self._tracker.needed_braking(self.shield.promise.d_safety)
+
+    @property
     def brake_gain(self) -> Array:
         """Share of the promised deceleration that the brakes give, (batch,), as learned so far."""
         batch = len(self.unseen_s)

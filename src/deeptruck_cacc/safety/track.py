@@ -121,6 +121,7 @@ class Tracker:
     opened_m: float = 2.0
     leak: float = 0.03  # m/s, slower than which a drift is not detected; more for a radar with noise
     accelerate_s: float = 1.0
+    braking: float = 0.4  # m/s^2, slower than which an object's speed is taken to change by noise alone
     range_s: float = 0.7
     noise_m: float = 0.01  # mean second difference from which a range is noisy; that of 0.1 m (1 sd) is 0.2
     noise_speed: float = 0.005  # m/s, likewise of the leader's speed
@@ -188,6 +189,16 @@ class Tracker:
         pairs = zip(self.readings, (self.objects.gap, self.objects.speed_now), strict=True)
         likely = (np.where(np.isnan(seen[0]), kept[0], seen[0]) for seen, kept in pairs)
         return {**observation, **dict(zip(names, (*likely, speed), strict=True))}
+
+    def needed_braking(self, least_m: float) -> Array:
+        """Constant deceleration, m/s^2 (batch,), with which the truck stays `least_m` behind every object
+        that counts: one that brakes goes on to a standstill, another keeps its speed."""
+        now, own = self.objects, self._speed
+        room, braking = np.maximum(now.gap - least_m, 0.1), np.maximum(-now.rate, self.braking)
+        stops = own**2 / 2 / (room + now.speed_now**2 / 2 / braking)
+        follows = np.maximum(own - now.speed_now, 0.0) ** 2 / 2 / room
+        needs = np.where(-now.rate > self.braking, stops, follows)
+        return np.asarray(np.max(np.where(self.counts & np.isfinite(needs), needs, 0.0), axis=0))
 
     @property
     def _noise_m(self) -> Array:

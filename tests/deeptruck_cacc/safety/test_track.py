@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
+from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -253,3 +256,28 @@ def test_each_truck_of_a_batch_has_its_own_track() -> None:
         tracker({"gap": np.array([40.0, 60.0]), "leader_speed": 20.0, "speed": 20.0})
     seen = tracker({"gap": np.array([np.nan, 59.9]), "leader_speed": 20.0, "speed": 20.0})
     assert seen["gap"].tolist() == [40.0, 59.9] and tracker.unseen_s.tolist() == [0.1, 0.0]
+
+
+def test_what_the_objects_need_goes_on_as_they_were_seen_to() -> None:
+    tracker = settled()
+    assert tracker.needed_braking(2.0)[0] == 0.0
+    fed(tracker, [(40.0 - 0.5 * k, 20.0, 25.0) for k in range(10)])
+    assert tracker.needed_braking(2.0)[0] == pytest.approx(25.0 / 2 / 33.5, rel=0.05)
+    braking = settled()
+    fed(braking, [(40.0 - 0.01 * k**2, 20.0 - 0.2 * k, 20.0) for k in range(30)])
+    rate = float(braking.objects.rate[0, 0])
+    assert rate == pytest.approx(-2.0, abs=0.2)
+    needs = 400.0 / 2 / (29.6 + 14.2**2 / 2 / -rate)
+    assert braking.needed_braking(2.0)[0] == pytest.approx(needs, rel=0.05)
+    fed(braking, [LOST] * 10)  # it slows down by 2 m/s more, and is 7 m nearer
+    needs = 400.0 / 2 / (22.8 + 12.2**2 / 2 / -rate)
+    assert braking.needed_braking(2.0)[0] == pytest.approx(needs, rel=0.05)
+
+
+def test_the_page_states_each_time_of_the_tracker() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "cacc_shield.md").read_text()
+    stated = {name: float(value) for name, value in re.findall(r"`(\w+_s)` ([\d.]+)(?=[, |])", page)}
+    times = {
+        f.name: f.default for f in fields(Tracker) if f.name.endswith("_s") and isinstance(f.default, float)
+    }
+    assert times == {name: stated.get(name) for name in times}

@@ -16,9 +16,6 @@ from deeptruck_nodes.observation import SECOND, Observation
 EVENTS = ("drop_outs", "shield_interventions", "full_brakings")
 HOLE_S = 0.5  # between two observations, beyond which the past is forgotten; at least three steps
 CONTRADICTED_S = 1.0  # for which a radar may contradict itself, or the truck's speed
-BRAKING_S = 0.5  # time constant with which a leader's braking is taken from its speed
-NO_BRAKING = 0.4  # m/s^2, as which the radar's noise may look
-LEAST_M = 2.0  # behind the leader
 PARTING_M_S2 = 1.0  # needed braking with which control does not end: rolling out would hit what was seen last
 HOLDS_M_S2 = 1.5  # braking beyond which truck and bridge go on with a command that is lost
 HARDER = 1.2  # than is needed, as no command follows
@@ -38,35 +35,6 @@ class Event:
         self.holds = holds
 
 
-@dataclass
-class Expected:
-    """Where the leader would be by now if it went on as it was seen to: at its speed, or braking."""
-
-    dt: float
-    gap: float = math.nan
-    speed: float = math.nan
-    braking: float = 0.0  # m/s^2, taken from its speed with BRAKING_S
-    _slow: float = math.nan  # its speed through that filter
-
-    def step(self, gap: float, leader_speed: float, speed: float) -> None:
-        """One step, with an accepted reading or NaN; `speed` is the truck's."""
-        if math.isfinite(gap + leader_speed):
-            self._slow = leader_speed if math.isnan(self._slow) else self._slow
-            self.braking = max((self._slow - leader_speed) / BRAKING_S, 0.0)
-            self._slow += min(self.dt / BRAKING_S, 1.0) * (leader_speed - self._slow)
-            self.gap, self.speed = gap, leader_speed
-        else:
-            self.speed = max(self.speed - self.braking * self.dt, 0.0)
-            self.gap += (self.speed - speed) * self.dt
-
-    def needs(self, speed: float) -> float:
-        """Constant deceleration, m/s^2, by which the truck stays LEAST_M behind it; NaN if none was seen."""
-        room = max(self.gap - LEAST_M, 0.1)
-        if self.braking > NO_BRAKING and speed > 0.0:  # it goes on to a standstill
-            return speed**2 / 2 / (room + self.speed**2 / 2 / self.braking)
-        return max(speed - self.speed, 0.0) ** 2 / 2 / room
-
-
 class Following:
     """A guarded policy that acts every `dt` of stamp time; its command is held in between.
 
@@ -82,7 +50,6 @@ class Following:
     def __init__(self, guard: Guard, target_time_gap: float, lose_lead_after_s: float) -> None:
         self._guard, self._time_gap, self._lose_after_s = guard, target_time_gap, lose_lead_after_s
         self._period = round(guard.dt * SECOND)
-        self._expected = Expected(guard.dt)
         self._acted: Observation | None = None  # the newest, its stamp on the grid of `dt`
         self._brake_high = ActionScale.of(guard).brake_high
         self._steps = {"shield_acted": 0, "baseline_drove": 0}
@@ -106,7 +73,6 @@ class Following:
     def forget(self) -> None:
         """Reset the state except the counts and the brake temperature."""
         self._guard.forget()
-        self._expected = Expected(self._guard.dt)
 
     def take(self, seen: Observation, *, obeyed: bool = True) -> tuple[float, float]:
         """Engine and brake command for an observation; `obeyed`: whether they will drive the truck."""
@@ -142,16 +108,14 @@ class Following:
         if seen.grade_ahead:
             observation["grade_ahead"] = np.array([seen.grade_ahead])
         engine, brake = self._guard.act(observation)
-        accepted = self._guard.unseen_s[0] == 0.0
-        seen_now = (seen.gap, seen.leader_speed) if accepted else (math.nan, math.nan)
-        self._expected.step(*seen_now, seen.speed)
-        self.room = self._room(seen)
+        room = float(self._guard.room_m[0])
+        self.room = room, seen.gap - room
         led = self.leads
         self.why = self._why_not()
         self.leads = not self.why
         acted, braking = bool(self._guard.acted[0]), brake[0] >= FULL * self._brake_high
         if not self.leads:
-            last = self._parting(seen.speed, float(brake[0])) if led else (math.nan, math.nan)
+            last = self._parting(float(brake[0])) if led else (math.nan, math.nan)
             engine, brake = np.array([last]).T
             acted = braking = False
             self.forget()
@@ -162,18 +126,9 @@ class Following:
         self._events["full_brakings"].now(bool(braking))
         return float(engine[0]), float(brake[0])
 
-    def _room(self, seen: Observation) -> tuple[float, float]:
-        """How much farther the leader is than the shield needs, and what it needs, m; NaN for not known."""
-        if self._guard.shield is None:
-            return math.nan, math.nan
-        promise = self._guard.shield.promise
-        speed, leader = np.array([seen.speed]), np.array([seen.leader_speed])
-        needed = float(promise.needed_gap(speed, leader, np.zeros(1), promise.dt)[0])
-        return seen.gap - needed, needed
-
-    def _parting(self, speed: float, brake: float) -> tuple[float, float]:
+    def _parting(self, brake: float) -> tuple[float, float]:
         """The command with which control ends: NaN, or braking, no less than `brake`, for what was seen."""
-        shield, needs = self._guard.shield, self._expected.needs(speed)
+        shield, needs = self._guard.shield, self._guard.needed_braking[0]
         if shield is None or not needs > PARTING_M_S2:
             return math.nan, math.nan
         promise = shield.promise
