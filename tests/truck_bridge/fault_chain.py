@@ -42,7 +42,9 @@ _truck = cache(load_truck)
 def controller(vehicle: Vehicle, policy: str) -> Guard:
     """What the controller node loads for a vehicle."""
     interface = _truck(vehicle.truck).interface
-    return guard(load_policy(policy, interface), brake_limit=vehicle.brake_limit)
+    loaded = guard(load_policy(policy, interface), brake_limit=vehicle.brake_limit)
+    loaded.set_speed = vehicle.set_speed
+    return loaded
 
 
 @dataclass(frozen=True)
