@@ -68,7 +68,7 @@ PROGRAMS = {
 
 def overview() -> None:
     """Entry point of `deeptruck`: the programs, each with what it does."""
-    print("deeptruck has several programs, each with --help:")
+    print("Usage: deeptruck lists the programs, each with --help:")
     print("\n".join(f"  {name:22} {says}" for name, says in PROGRAMS.items()))
 
 

@@ -64,8 +64,13 @@ def check(path: Path, vehicle: Vehicle, *, channel: str | None = None) -> Checke
 class _Replay:
     def __init__(self, vehicle: Vehicle) -> None:
         self._override = vehicle.table.override
-        self._table: Table = replace(  # a person drives, and brakes
-            vehicle.table, override=(), coasts_m_s2=math.inf, needs_lead=False, engage_speed=(0.0, 1e3)
+        self._table: Table = replace(  # a person drives, and brakes; nobody obeys us
+            vehicle.table,
+            override=(),
+            coasts_m_s2=math.inf,
+            needs_lead=False,
+            engage_speed=(0.0, 1e3),
+            obeyed=tuple(replace(one, from_demand=math.inf) for one in vehicle.table.obeyed),
         )
         self._names = {message.key: message.name for message in vehicle.table.heard}
         self._safety = Safety(self._table)

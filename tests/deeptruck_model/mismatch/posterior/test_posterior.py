@@ -41,7 +41,7 @@ def test_a_parameter_that_is_wrong_is_found_with_its_size() -> None:
     found = names(p)
     assert found.found[0].tree.families["brakes"] > 0.9
     assert p.probability("brake_gain") > 0.5
-    change, sd = p.change("brake_gain")
+    change, sd = p.change("brake_gain", np.ones(len(p.draws.coefficients), bool))
     assert change == pytest.approx(-0.2, abs=3.0 * sd + 0.01)
 
 
@@ -57,7 +57,7 @@ def test_a_drawn_force_has_the_coefficients_of_columns_that_make_it_up() -> None
     p = posterior_of("brakes")
     name = names(p).found[0].name
     columns = np.stack([p.force(name, p.inside(name)), np.ones(N)], axis=1)
-    b = p.on_columns(name, columns)
+    b = p.on_columns(name, columns, p.inside(name))
     assert b.shape == (p.inside(name).sum(), 2)
     np.testing.assert_allclose(b.mean(axis=0), [1.0, 0.0], atol=0.05)
 
