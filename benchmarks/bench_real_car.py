@@ -249,23 +249,21 @@ def main() -> None:
 
 ABOVE = f"""Free runs of {HORIZON_S:g} s of deep trucks of an electric car, trained on trips
 {", ".join(TRAINERS)} of summer, along {", ".join(JUDGED)},
-which they have not seen; speed error at the end. Five numbers are gains of torque that pulls and slows and a
-resistance of 1, v and v², by least squares on the same trips. A hard stop is one with a second beyond
-{HARD:g} m/s²: there the motor is at its largest braking torque, and the friction brake, which is not
-recorded, does the rest. A drive's own slope has its own dv/dt in it where that
-changes within 50 m. The last row has none of it: there the slope is that of another trip on the same road,
-the same way or turned, found by spans of {NEAR_M / 1000:g} km whose slopes correlate by {LEAST_ALIKE:g} or
-better. That length was chosen after results with 2 and 4 km were seen."""
-SINCE_START = """With the accelerometer's slope, without hard stops, by what was driven before; a positive
+which they have not seen; speed error at the end. Five numbers: gains of pulling and braking torque and a
+resistance of 1, v and v², by least squares on the same trips. A hard stop has a second beyond
+{HARD:g} m/s², where the friction brake, which is not recorded, adds to the motor's. A drive's own slope contains
+its own dv/dt where that changes within 50 m; the last row takes the slope of another trip on the same road,
+found by spans of {NEAR_M / 1000:g} km whose slopes correlate by {LEAST_ALIKE:g} or better (chosen after 2 and 4 km
+had been seen)."""
+SINCE_START = """With the accelerometer's slope, without hard stops, by the distance driven before; a positive
 error is a simulator that is too fast. A cold car rolls worse, and no channel says how warm it is."""
-MIDDLE = """Slope, heights and positions withheld from the tool, which has the accelerometer, beside the
-simulator without slope. The first half of a trip is fitted, the second held out. The correlation is that of
-10 s means of the force named road_grade with the slope that the drive's own accelerometer felt: it shows that
-the force is that slope, not how right the sensor is. Free runs are along the held-out half, as given ->
-corrected -> what is offered."""
+MIDDLE = """Slope, heights and positions are withheld; the tool has the accelerometer and a simulator without
+slope. The first half of a trip is fitted, the second held out. Correlation: 10 s means of the force named
+road_grade with the slope of the drive's own accelerometer, which shows that the force is that slope, not
+that the sensor is right. Free runs along the held-out half: as given -> corrected -> what is offered."""
 BELOW = """A correction is not offered where it is no better along the held-out half, or where without the
-accelerometer, which others may lack, it is worse than the simulator as given. That noise beside a learned
-simulator is fitted until it is steady was chosen on A04 and A13, which were not named before.
+accelerometer it is worse than the simulator as given. Settings of noise for learned simulators were chosen
+on A04 and A13.
 
 A trip by hand:
 

@@ -20,10 +20,9 @@ from deeptruck_cacc.safety.shield import Shield
 from deeptruck_model import simulators
 from deeptruck_model.simulators import Simulator
 
-SAYS = """In `long_following` the radar sees another vehicle for 2 s, 30 m farther. It is not believed, so
-that the leader is not seen, at a time gap of 1.5 s: the truck slows down mildly (`ease_m`), by about
-0.6 m/s, and gains them back as fast as its engine lets it. Without the shield it drives on as if the
-leader were there."""
+SAYS = """In `long_following` the radar sees another vehicle for 2 s, 30 m farther. The shield does not
+accept it as the leader, so the truck slows down by about 0.6 m/s and regains it; without the shield it
+drives on."""
 SCENES = ("paper", "moving", "gap_closing", "long_following", "stop", "cut_in", "dropout", "descent")
 
 
