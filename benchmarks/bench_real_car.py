@@ -255,21 +255,6 @@ resistance of 1, v and v², by least squares on the same trips. A hard stop has 
 contains its own dv/dt where that changes within 50 m; the last row takes the slope of another trip on the
 same road, found by spans of {NEAR_M / 1000:g} km whose slopes correlate by {LEAST_ALIKE:g} or better
 (chosen after 2 and 4 km had been seen)."""
-SINCE_START, "", *harness.table(SINCE, since, right=True), "",
-        MIDDLE, "", *harness.table(HEADS, table), "",
-        f"The first line names the road's slope in {named} of {len(unseen)}.", BELOW,
-    ]  # fmt: skip
-    harness.store("real_truck", lines)
-
-
-ABOVE = f"""Free runs of {HORIZON_S:g} s of deep trucks of an electric car, trained on trips
-{", ".join(TRAINERS)} of summer, along {", ".join(JUDGED)},
-which they have not seen; speed error at the end. Five numbers: gains of pulling and braking torque and a
-resistance of 1, v and v², by least squares on the same trips. A hard stop has a second beyond
-{HARD:g} m/s², where the friction brake, which is not recorded, adds to the motor's. A drive's own slope contains
-its own dv/dt where that changes within 50 m; the last row takes the slope of another trip on the same road,
-found by spans of {NEAR_M / 1000:g} km whose slopes correlate by {LEAST_ALIKE:g} or better (chosen after 2 and 4 km
-had been seen)."""
 SINCE_START = """With the accelerometer's slope, without hard stops, by the distance driven before; a positive
 error is a simulator that is too fast. A cold car rolls worse, and no channel says how warm it is."""
 MIDDLE = """Slope, heights and positions are withheld; the tool has the accelerometer and a simulator without
