@@ -120,7 +120,7 @@ class Tracker:
     learn_speed: float = 5.0  # m/s, above which it is learned
     opened_m: float = 2.0
     leak: float = 0.03  # m/s, slower than which a drift is not detected; more for a radar with noise
-    accelerate_s: float = 1.0
+    accelerate_s: float = 0.5
     braking: float = 0.4  # m/s^2, slower than which an object's speed is taken to change by noise alone
     range_s: float = 0.7
     noise_m: float = 0.01  # mean second difference from which a range is noisy; that of 0.1 m (1 sd) is 0.2
