@@ -179,7 +179,7 @@ def stopped(node: str) -> Callable[[Graph], Verdict]:
 def _still_driving(scene: Scene) -> list[str]:
     at, demand = scene.demands("engine")[-1]
     driving = scene.received[-1][0] - at < 0.1 and not math.isnan(demand)
-    return [] if driving else ["control ended for nothing"]
+    return [] if driving else ["handed back for nothing"]
 
 
 def all_paused(run: Graph) -> Verdict:
@@ -227,7 +227,7 @@ class Outcome:
     fault: str
     broken: tuple[str, ...]
     reaction_s: float
-    spoilt: bool = False  # control ended before the fault
+    spoilt: bool = False  # control was handed back before the fault
 
 
 def play(fault: str) -> Outcome:

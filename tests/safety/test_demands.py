@@ -1,4 +1,4 @@
-"""What other controllers may demand of the truck: inside of it control stays, outside of it control ends."""
+"""What other controllers may demand of the truck: inside of it control stays, outside the core hands back."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ class Outcome:
     vehicle: str
     broken: tuple[str, ...]
     reaction_s: float  # to the first frame that hands back, or first fading demand; NaN where none comes
-    spoilt: bool = False  # control ended before the fault: the machine paused the bridge for over 100 ms
+    spoilt: bool = False  # handed back before the fault: the machine paused the bridge for over 100 ms
 
 
 def play(fault: str, name: str) -> Outcome:

@@ -6,9 +6,10 @@ faults, slope and load. Every run is drawn from its seed.
 
 A run is broken where the truck hits what is ahead faster than full braking would from the second true reading
 after it happened; where it brakes beyond 1 m/s^2 and neither traffic nor the true gap is the cause, until 3 s
-after control ended; where control is kept for more than 1 s on a speed that another signal contradicts
-beyond the vehicle's own tolerances; where a fault that must end control does not, or one that is to be
-bridged does; where control ends without a fault; and where a frame leaves that must not (`fault_judge.py`).
+after control was handed back; where control is kept for more than 1 s on a speed that another signal
+contradicts beyond the vehicle's own tolerances; where the chain does not hand back on a fault that demands
+it, or does so on one that is to be bridged or without any; and where a frame leaves that must not
+(`fault_judge.py`).
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ BRAKED = -1.0  # m/s^2 beyond the slope
 MEAN = 31  # steps over which an acceleration counts, 0.3 s
 CLOSING = 0.5  # m/s^2, from which the closing speed asks for braking
 CAUSE_S = 4.0  # for which a leader that slowed down explains braking
-KNOWN_S = 0.5  # before control ends, from which on what happens ahead is not yet the driver's
+KNOWN_S = 0.5  # before control is handed back, from which on what happens ahead is not yet the driver's
 WORSE = 0.5  # m/s, faster than by full braking, from which a hit is broken
 EARLY = ("second", "ours", "nobody")  # half of them before engaging
 GRAVITY = 9.81
@@ -76,7 +77,7 @@ class Verdict:
     faults: tuple[Drawn, ...]
     ended_s: float  # NaN where control was kept
     false_s: float  # longest that control was kept on a contradicted speed
-    gained: float  # by the truck, until control ended or the run did
+    gained: float  # by the truck, until control was handed back or the run ended
     braked: float  # hardest mean acceleration without cause, m/s^2, negative
     jerk: float  # largest of it without cause, m/s^3
     hit: float  # m/s; NaN for none
@@ -246,7 +247,7 @@ def play(
     if not early and engaged and math.isnan(ended) and must and math.isnan(witness.hit):
         broken.append("control was kept")
     if not early and (ended < begins or (not math.isnan(ended) and bridge and not stood)):
-        broken.append("control ended")
+        broken.append("handed back")
     if longest > KEPT_S:
         broken.append("control was kept on a false speed")
     known = not set(names_of) & UNSEEN.keys()
@@ -285,7 +286,7 @@ def _row(name: str, mine: list[Verdict]) -> str:
     return f"| {name} | {len(mine)} | {shown} | {len(hits)} | {', '.join(met)} | {bad[0]} | {bad[1]} |"
 
 
-HEADS = "runs | control ended, at most s | false speed, s | braked, m/s²; jerk, m/s³ | hits"
+HEADS = "runs | handed back, at most s | false speed, s | braked, m/s²; jerk, m/s³ | hits"
 HEADS += " | hardest, m/s (by full braking) | broken | not prevented |"
 
 

@@ -229,7 +229,7 @@ def _flood(vehicle: Vehicle, now: float) -> Iterator[tuple[int, bytes]]:
 
 
 def _arrive(chain: Chain, kind: str) -> None:
-    """One frame that ends control."""
+    """One frame on which the bridge hands back."""
     engine = chain.vehicle.transmitted["engine"]
     frames = {
         "spoofed TSC1": (engine.axis.can_id & ~0xFF | 0x77, engine.frame(90.0, 0)),
@@ -305,7 +305,7 @@ def senders(vehicle: Vehicle, signals: tuple[str, ...]) -> set[int]:
 
 
 def must_end(name: str, size: float, lasts: float, vehicle: Vehicle) -> bool:
-    """Whether a scene must end control, or refuse it, whatever truck and leader do meanwhile.
+    """Whether a scene must hand back, or refuse it, whatever truck and leader do meanwhile.
 
     Not what is soon over, nor where a counter already refuses the second frame of an address.
     """

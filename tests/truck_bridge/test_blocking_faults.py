@@ -1,4 +1,4 @@
-"""A fault that the vehicle file names refuses engagement with its reason, and ends control in order."""
+"""A fault that the vehicle file names refuses engagement with its reason, and makes the bridge hand back."""
 
 from __future__ import annotations
 

@@ -142,7 +142,7 @@ class Hour:
     hardest: float = 0.0  # m/s^2
     least_time_gap: float = math.inf  # s
     longest_time_gap: float = 0.0
-    ended: Counter[str] = field(default_factory=Counter)  # how often control ended, by cause
+    ended: Counter[str] = field(default_factory=Counter)  # how often control was handed back, by cause
     driven_s: float = 0.0  # under control
     heat: float = 0.0  # J/kg, the most in the brakes
     bound: float = 0.0  # J/kg, the shield's bound of it then
@@ -158,13 +158,13 @@ class Hour:
         )
 
 
-HEADS = "hardest, m/s² | time gap, s | control ended | driven, min | brake heat, bound, J/kg | memory, KiB"
+HEADS = "hardest, m/s² | time gap, s | handed back | driven, min | brake heat, bound, J/kg | memory, KiB"
 
 
 def drive(
     plan: Drive, vehicle: str, hours: float, say: Callable[[Hour], None] = lambda hour: None, seed: int = 3
 ) -> list[Hour]:
-    """The figures of each hour; a person engages again 5 s after control ended."""
+    """The figures of each hour; a person engages again 5 s after control was handed back."""
     found, memory, rng = list[Hour](), _memory_kib(), np.random.default_rng(seed)
     slope = lru_cache(8)(lambda distance: road(plan.road).at(distance)[0]) if plan.road != "flat" else None
     ahead, driven = _ahead(plan, rng, hours * HOUR_S), load(vehicle).driving_off()
@@ -322,7 +322,7 @@ def available(hours: float, first: int, *, without_bus: bool) -> None:
             print(f"seed {seed}, {drawn(seed)[1]}: {hour}", file=sys.stderr, flush=True)
     so_far, cpu = driven / HOUR_S, (time.process_time() - begin) / HOUR_S
     print(f"{so_far:.1f} h under control of {hours:g} h, {cpu:.2f} h of CPU; hardest {hardest:.2f} m/s²")
-    print("| control ended | times | an hour |\n|---|---|---|")
+    print("| handed back | times | an hour |\n|---|---|---|")
     for cause, count in [*ended.most_common(), ("in all", ended.total())]:
         print(f"| {cause} | {count} | {count / so_far:.2f} |")
 

@@ -78,7 +78,7 @@ class LastSeen:
 class Guard:
     """A policy made fit for a truck. Same contract as Policy; `acted` marks where the shield overrode.
 
-    `handed_over` (batch,) marks where the fallback drove: outside the policy's coverage (until 3 s inside
+    `fallback_drives` (batch,) marks where the fallback drove: outside the policy's coverage (until 3 s inside
     again), or where its commands were not finite.
 
     Policy and fallback get finite numbers only, so that their memory holds no NaN. If the speed is missing
@@ -92,7 +92,7 @@ class Guard:
     standstill_m: float = 6.0
     set_speed: float = math.inf  # m/s, faster than which nobody is followed
     acted: Flags = field(default_factory=lambda: np.zeros(0, bool))
-    handed_over: Flags = field(default_factory=lambda: np.zeros(0, bool))
+    fallback_drives: Flags = field(default_factory=lambda: np.zeros(0, bool))
     _tracker: Tracker = field(init=False, repr=False)
     _last_seen: LastSeen = field(init=False, repr=False)
     _away: Array | None = field(default=None, repr=False)
@@ -206,8 +206,8 @@ class Guard:
         seen |= cruise(seen, self.set_speed)
         own = np.array(self.policy.act({**observation, **seen, "least_gap": least}))
         other = np.array(self.fallback.act(seen))
-        self.handed_over = self._outside(seen) | ~np.isfinite(own).all(axis=0)
-        engine, brake = np.where(unknown, np.nan, np.where(self.handed_over, other, own))
+        self.fallback_drives = self._outside(seen) | ~np.isfinite(own).all(axis=0)
+        engine, brake = np.where(unknown, np.nan, np.where(self.fallback_drives, other, own))
         if self.shield is None:
             self.acted = np.zeros(len(engine), bool)
             return engine, brake

@@ -327,7 +327,7 @@ class Tracker:
         return Objects.none(len(slot)).where(left, moved), np.where(left, -1, order)
 
     def _report(self, gap: Array, leader: Array, accepted: Flags, received: Flags) -> None:
-        """What shield and policy get of the reading, and what is not believed."""
+        """What shield and policy get of the reading, and what is not accepted."""
         now = self.objects
         edge = np.where(gap - now.gap > self._step_m, now.gap, gap)
         closing = now.faster_m_s < -self._range_error

@@ -316,10 +316,10 @@ def prove(
     ] = None,
     plant: Annotated[
         str | None,
-        typer.Option(help="Vehicle that others wrote, to conceal things of: fastsim or multi-body."),
+        typer.Option(help="Vehicle that others wrote, with one property hidden: fastsim, multi-body."),
     ] = None,
 ) -> None:
-    """Examine the mismatch tool on hidden effects, sealed before it starts; resumes where it stopped.
+    """Examine the mismatch tool on effects that are hidden from it; resumes where it stopped.
 
     Example: deeptruck-model prove --out proof --cases 5 --simulator physics
     Example: deeptruck-model prove --out real --real logs

@@ -16,7 +16,7 @@ from deeptruck_model.recordings.earth import metres_per_degree
 Array = NDArray[np.float64]
 
 LEAST_SHARED = 0.5  # of the shorter side, that an offset must leave to compare
-AGREES = 0.8  # correlation of speeds below which no offset is believed: drives of other roads reach 0.6
+AGREES = 0.8  # correlation of speeds below which no offset is accepted: drives of other roads reach 0.6
 SIGNIFICANT = 8.0  # standard deviations: unrelated drives reached 6.5 in 334 trials, pieces of one 35
 NEARLY = 0.002  # of correlation: a leader that repeats itself agrees with itself at several offsets
 NEAR_M = 30.0  # two lanes and the error of an ordinary GPS

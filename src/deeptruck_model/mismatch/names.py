@@ -118,8 +118,8 @@ def tree_of(acts: Mapping[str, Mask]) -> Tree:
 
 
 def _named(p: Posterior, name: str, tree: Tree) -> Named:
-    """Beside a learned simulator, which is off in many ways, only what is stated is accepted, and only if it
-    gains more than any name does on the simulator's own recordings."""
+    """For a learned simulator a name is accepted only from probability `stated` on, and with more gain than
+    any name has on the simulator's own recordings."""
     force, always, lasts = _force(p, name)
     sure = max(tree.families.values()) >= p.search.rules.stated
     accepted = p.search.e.known_physics or (sure and p.gain(name) > _own_gain(p))

@@ -68,7 +68,7 @@ class Span:
 class PreparedDrives:
     """The usable recordings, in their original order, the problems found, and the inputs `missing` in them.
     `unusable_because` is the reason why nothing can be compared, or None; `doubts` are about inputs and
-    speed, which must be settled before anything that follows is believed."""
+    speed, which must be settled before anything that follows is used."""
 
     prepared: tuple[Prepared, ...]
     held_out: tuple[bool, ...]

@@ -43,7 +43,7 @@ def test_a_signal_that_is_no_number_for_a_moment_leaves_no_trace(make: object) -
     for name in OBSERVED:
         for value in (np.nan, np.inf, -np.inf):
             np.testing.assert_allclose(commands(driver, **{name: value}), commands(undisturbed), atol=1e-6)
-            assert not driver.acted[0] and not driver.handed_over[0]
+            assert not driver.acted[0] and not driver.fallback_drives[0]
 
 
 @settings(max_examples=30)
@@ -54,7 +54,7 @@ def test_whatever_was_no_number_the_policy_drives_again(damage: list[dict[str, f
         assert np.isfinite(commands(driver, **wrong)).all()
     for _ in range(40):
         commands(driver)
-    assert not driver.handed_over[0] and np.isfinite(driver.policy._memory).all()  # type: ignore[attr-defined]
+    assert not driver.fallback_drives[0] and np.isfinite(driver.policy._memory).all()  # type: ignore[attr-defined]
 
 
 def test_a_speedometer_that_stays_silent_is_no_reason_to_drive_on() -> None:
@@ -130,11 +130,11 @@ def test_outside_its_coverage_the_fallback_drives() -> None:
     driver.coverage = {"grade": (-0.01, 0.01)}
     seen = {"leader_speed": 20.0, "speed": 20.0, "gap": 60.0, "target_time_gap": 3.0, "grade": 0.0}
     driver.act(seen)
-    assert not driver.handed_over[0]
+    assert not driver.fallback_drives[0]
     driver.act({**seen, "grade": 0.05})
-    assert driver.handed_over[0]
+    assert driver.fallback_drives[0]
     driver.act(seen)
-    assert driver.handed_over[0]  # for three seconds more
+    assert driver.fallback_drives[0]  # for three seconds more
     for _ in range(30):
         driver.act(seen)
-    assert not driver.handed_over[0]
+    assert not driver.fallback_drives[0]

@@ -161,7 +161,7 @@ def test_a_leader_that_is_replaced_by_another_at_its_speed_is_never_lost(away: f
         seen = gap + away * (k > 300) + noise * rng.normal(size=100)
         tracker({"gap": seen, "leader_speed": leader + noise / 3 * rng.normal(size=100), "speed": speed})
         assert (tracker.unseen_s <= 1.0).all() or k == 0
-        assert (tracker.contradicted_s < 0.5).all()  # control ends at 1 s
+        assert (tracker.contradicted_s < 0.5).all()  # control is handed back at 1 s
     assert (np.abs(tracker.objects.gap[0] - gap - away) < 1.0).all()
 
 

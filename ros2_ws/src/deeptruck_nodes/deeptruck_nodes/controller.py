@@ -147,7 +147,7 @@ class Controller(DeeptruckNode):
         )
         level, says = ("ok", "following") if leads else ("warn", f"{self._following.why}: no command")
         if led and not leads and self._drives:
-            say(f"control ends: {self._following.why}")
+            say(f"handing back: {self._following.why}")
         at_once = self._following.events > events
         self.diagnose(observation.stamp, level, says, values, at_once=at_once)
 

@@ -120,14 +120,14 @@ class Following:
             acted = braking = False
             self.forget()
         self._steps["shield_acted"] += int(acted)
-        self._steps["baseline_drove"] += int(self.leads and self._guard.handed_over[0])
+        self._steps["baseline_drove"] += int(self.leads and self._guard.fallback_drives[0])
         self._events["drop_outs"].now((led or self.leads) and math.isnan(seen.gap))
         self._events["shield_interventions"].now(acted)
         self._events["full_brakings"].now(bool(braking))
         return float(engine[0]), float(brake[0])
 
     def _parting(self, brake: float) -> tuple[float, float]:
-        """The command with which control ends: NaN, or braking, no less than `brake`, for what was seen."""
+        """The command that hands back: NaN, or braking, no less than `brake`, for what was seen."""
         shield, needs = self._guard.shield, self._guard.needed_braking[0]
         if shield is None or not needs > PARTING_M_S2:
             return math.nan, math.nan

@@ -27,7 +27,7 @@ RADARS: dict[str, dict[str, float]] = {
 
 
 PAGE = "live_page"
-IN_TIME = ("can_bridge", "controller", "leader", "emulator")  # late, any of them ends control
+IN_TIME = ("can_bridge", "controller", "leader", "emulator")  # late, any makes the bridge hand back
 SPEAKERS = (
     "can_bridge",
     "controller",

@@ -217,10 +217,10 @@ def _blocks(search: Regression, of: Sequence[Kernel], always: Array, y: Array, n
 
 
 def _form_error(search: Regression) -> Array:
-    """What no form of a mechanism is exact to (n, k): functions of common signals, which together have a
-    share of the residual's lasting standard deviation (model discrepancy as in Kennedy and O'Hagan, J. R.
-    Stat. Soc. B 63, 2001). Without it the larger an effect is, the more probable would be what merely
-    resembles it."""
+    """Model-form error (n, k): what the equations of mechanisms may be wrong by, as functions of common
+    signals with a share of the residual's lasting standard deviation (model discrepancy as in Kennedy and
+    O'Hagan, J. R. Stat. Soc. B 63, 2001). Without it the larger an effect is, the more probable would be what
+    merely resembles it."""
     anything = next(k.features for k in kernels(search) if k.name == UNKNOWN)
     rows = search.rows
     own = float(np.sqrt(np.mean(np.sum(anything[rows] ** 2, axis=1)))) if len(rows) else 0.0

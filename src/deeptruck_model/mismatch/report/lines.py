@@ -76,7 +76,7 @@ def _better_still(v: Verdict) -> str:
 
 
 def _good_enough(v: Verdict) -> bool:
-    """Whether the findings do not matter for driving, and no sensor must be repaired."""
+    """Whether the simulator is good enough with its findings, and no sensor must be repaired."""
     good = v.advice.get("simulator")
     sound = all(f.kind is not Kind.SENSOR for f in v.findings)
     return sound and good is not None and good.answer is Answer.YES
@@ -339,7 +339,7 @@ def candidates(tree: Sequence[Node]) -> str:
     """The most probable families, if none is stated."""
     top = [n for n in tree if n.parent == ROOT and n.node != "nothing"][:3]
     if not top:
-        return "No mechanism is in, and these data do not identify what the simulator is off by."
+        return "No mechanism explains the error, and these data do not identify its cause."
     split = ", ".join(f"{spoken(n.node)} {percent(n.probability)}" for n in top)
     return f"No part of the truck is at 90 %: {split}."
 

@@ -81,9 +81,9 @@ class Graph {
     const [state, age, rate] = heard || ["unheard", 0, 0], part = this.parts[topic];
     part.setAttribute("class", over ? "over" : state);
     const often = rate > 0 && rate <= 0.1 ? `every ${(1 / rate).toFixed(0)} s` : `${rate.toFixed(rate >= 10 ? 0 : 1)} Hz`;
-    const says = state === "unheard" ? "not heard yet" : state === "fresh" ? `${often}, ${age.toFixed(1)} s`
+    const says = state === "unheard" ? "nothing received yet" : state === "fresh" ? `${often}, ${age.toFixed(1)} s`
       : `${state} for ${age.toFixed(1)} s`;
     part.lastChild.textContent = over ? `until the end, ${often}` : `${GLYPH[state]} ${says}`;
-    if (over && !heard) part.lastChild.textContent = "not heard";
+    if (over && !heard) part.lastChild.textContent = "nothing received";
   }
 }

@@ -83,7 +83,7 @@ function items(where, texts) {
 function showSafety() {
   const said = health.can_bridge;
   if (!said) {
-    say("safety", "No CAN bridge is heard: a simulated truck takes its commands without a safety core.", "quiet");
+    say("safety", "No CAN bridge: a simulated truck takes its commands without a safety core.", "quiet");
     return;
   }
   const {state, engaged, not_engaged_because: why, ...rest} = said.values, on = engaged === "True";
