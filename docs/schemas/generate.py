@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
-from deeptruck_model.recordings import editor_schemas
+from deeptruck_core.schema import Schema
+from deeptruck_model.recordings import schemas
 from truck_bridge.vehicles import schema
 
 HERE = Path(__file__).parent
@@ -14,14 +14,14 @@ HERE = Path(__file__).parent
 
 def texts() -> dict[str, str]:
     """Every file by its name."""
-    schemas: dict[str, dict[str, Any]] = {
-        "columns": editor_schemas.of_columns(),
-        "topics": editor_schemas.of_topics(),
+    known: dict[str, Schema] = {
+        "columns": schemas.columns(),
+        "topics": schemas.topics(),
         "vehicle": schema.VEHICLE,
     }
     return {
         f"{name}.schema.json": json.dumps(found, indent=1, ensure_ascii=False) + "\n"
-        for name, found in schemas.items()
+        for name, found in known.items()
     }
 
 

@@ -156,7 +156,7 @@ def test_brakes_may_only_limit(vehicle):
         (put("demands", "brake", "engine", "longest", 0), "0 is less than the minimum of 0.001"),
         (put("demands", "brake", "engine", "period", [0.05, 0.01]), "demands.brake.engine.period needs two"),
         (put("colour", "red"), "unknown key 'colour'"),
-        (put("transmit", "engine", "perod", 0.02), "did you mean 'period'"),
+        (put("transmit", "engine", "perod", 0.02), "did you mean period?"),
         (lambda d: d.pop("bridge"), "'bridge' is a required property"),
         (put("bridge", "address", 300), "300 is greater than the maximum of 253"),
         (put("bridge", "address", True), "bridge.address: True is not of type 'integer'"),
@@ -230,7 +230,7 @@ def test_no_such_vehicle_and_no_yaml(tmp_path):
     with pytest.raises(InputError, match="line 2"):
         vehicles.load(path)
     path.write_text("just text")
-    with pytest.raises(InputError, match="is not of type 'object'"):
+    with pytest.raises(InputError, match="must hold 'key: value' pairs"):
         vehicles.load(path)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core.errors import InputError
+from deeptruck_core.schema import NAME, TEXT, check, keys, mapping, number
 from deeptruck_core.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS, TruckInterface
 from deeptruck_model.fmu.description import Description, Variable
 from deeptruck_model.recordings.units import Conversion, conversion
@@ -25,14 +26,41 @@ INPUTS = (*COMMANDS, "grade")
 OUTPUTS = tuple(dict.fromkeys(("speed", "fuel_rate", *INSIDE)))
 START = ("speed", "acceleration")
 MEASURED = ("speed", "acceleration", "active")
-SECTIONS = ("inputs", "outputs", "parameters", "start", "measured", "set")
-FIELDS = (*SECTIONS, "name", "dt", "step", "restart_beyond")
-OF_LINK = ("variable", "unit", "factor", "low", "high")
+SECTIONS = {
+    "inputs": INPUTS,
+    "outputs": OUTPUTS,
+    "parameters": tuple(PARAMETERS),
+    "start": START,
+    "measured": MEASURED,
+}
 OWN_NAMES = {  # where the FMU's name is not just ours
     "start": {name: f"initial_{name}" for name in START},
     "measured": {"speed": "measured_speed", "acceleration": "measured_acceleration", "active": "measured"},
 }
-DT, LONGEST = 0.1, 60.0  # s
+DT = 0.1  # s
+_NUMBER = number(-1e300, 1e300)
+_STEP = {"type": "number", "exclusiveMinimum": 0, "maximum": 60, "errorMessage": "give s"}
+_FACTOR = {**_NUMBER, "not": {"const": 0}, "errorMessage": "give what the FMU has for one of ours"}
+_LINK = {
+    "anyOf": [
+        keys({"variable": TEXT}, {"unit": NAME, "factor": _FACTOR, "low": _NUMBER, "high": _NUMBER}),
+        {"type": ["string", "null"]},  # null: not this one, whatever the FMU's names are
+    ]
+}
+MAPPING = keys(
+    {},
+    {
+        **{
+            section: {**keys({}, dict.fromkeys(names, _LINK)), "type": ["object", "null"]}
+            for section, names in SECTIONS.items()
+        },
+        "set": {**mapping({"type": ["number", "boolean"]}), "type": ["object", "null"]},
+        "name": NAME,
+        "dt": _STEP,
+        "step": _STEP,
+        "restart_beyond": number(0, 1e300),
+    },
+)
 SHOWN = 6  # names of inputs, and of outputs, in one line
 
 
@@ -77,20 +105,18 @@ def variable_map(d: Description, mapping: Mapping[Any, Any]) -> VariableMap:
 
     Raises InputError for an unknown field or variable, and for a missing required signal.
     """
-    _known(mapping, FIELDS, "the mapping")
-    found = {section: _links(d, section, _section(mapping, section)) for section in SECTIONS[:-1]}
+    check(mapping, MAPPING, "the mapping")
+    found = {section: _links(d, section, mapping.get(section) or {}) for section in SECTIONS}
     _check_needed(d, found)
     inputs = tuple(found["inputs"][name] for name in INPUTS if name in found["inputs"])
     interface = _interface(str(mapping.get("name", d.name)), found)
     outputs = [found["outputs"].pop("speed"), *found["outputs"].values()]
-    dt = _positive(mapping.get("dt", max(DT, d.step or 0.0)), "dt")
-    step = _positive(mapping.get("step", min(d.step or dt, dt)), "step")
+    dt = float(mapping.get("dt", max(DT, d.step or 0.0)))
+    step = float(mapping.get("step", min(d.step or dt, dt)))
     if abs(dt / step - round(dt / step)) > 1e-6 or step > dt * (1 + 1e-9):
         raise InputError(f"dt of {dt:g} s is no whole number of the FMU's steps of {step:g} s; change dt")
-    beyond = _number(mapping.get("restart_beyond", 0.0), "restart_beyond", 0.0)
-    settings = [
-        (_variable(d, str(n), "set"), _number(x, f"set: {n}")) for n, x in _section(mapping, "set").items()
-    ]
+    beyond = float(mapping.get("restart_beyond", 0.0))
+    settings = [(_variable(d, str(n), "set"), float(x)) for n, x in (mapping.get("set") or {}).items()]
     measured = found["measured"] if {"speed", "active"} <= found["measured"].keys() else {}
     return VariableMap(
         interface, dt, step, inputs, tuple(outputs), found["parameters"], found["start"], measured,
@@ -98,30 +124,10 @@ def variable_map(d: Description, mapping: Mapping[Any, Any]) -> VariableMap:
     )  # fmt: skip
 
 
-def _section(mapping: Mapping[Any, Any], section: str) -> Mapping[Any, Any]:
-    given = mapping.get(section) or {}
-    if not isinstance(given, Mapping):
-        raise InputError(f"{section} of the mapping holds no 'name: variable' lines; write them")
-    return given
-
-
-def _known(given: Mapping[Any, Any], known: Sequence[str], where: str) -> None:
-    for name in given:
-        if name not in known:
-            near = difflib.get_close_matches(str(name), known, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(known)}"
-            raise InputError(f"{where} has an unknown field '{name}'; {hint}")
-
-
 def _links(d: Description, section: str, given: Mapping[Any, Any]) -> dict[str, Link]:
     """The links of one section: lines of the mapping first, then variables of equal name."""
-    names = {
-        "inputs": INPUTS, "outputs": OUTPUTS, "parameters": tuple(PARAMETERS), "start": START,
-        "measured": MEASURED,
-    }[section]  # fmt: skip
-    _known(given, names, f"{section} of the mapping")
     found = {}
-    for name in names:
+    for name in SECTIONS[section]:
         if name in given:
             if given[name] is not None:
                 found[name] = _mapped_link(d, section, name, given[name])
@@ -137,17 +143,11 @@ def _fits(own: Variable, section: str) -> bool:
 
 
 def _mapped_link(d: Description, section: str, name: str, line: Any) -> Link:
-    mapping = {"variable": line} if isinstance(line, str) else line
-    where = f"{section}: {name}"
-    if not isinstance(mapping, Mapping) or not isinstance(mapping.get("variable"), str):
-        raise InputError(f"{where} of the mapping names no variable of the FMU; write '{name}: VARIABLE'")
-    _known(mapping, OF_LINK, where)
-    variable = _variable(d, mapping["variable"], where)
-    _check_kind(section, where, variable)
-    factor = _number(mapping["factor"], f"factor of {where}") if "factor" in mapping else None
-    link = _link(section, name, variable, mapping.get("unit"), factor)
-    low, high = (_number(mapping[k], f"{k} of {where}") if k in mapping else None for k in ("low", "high"))
-    return replace(link, low=link.low if low is None else low, high=link.high if high is None else high)
+    mapping: Mapping[str, Any] = {"variable": line} if isinstance(line, str) else line
+    variable = _variable(d, mapping["variable"], f"{section}: {name}")
+    _check_kind(section, f"{section}: {name}", variable)
+    link = _link(section, name, variable, mapping.get("unit"), mapping.get("factor"))
+    return replace(link, low=mapping.get("low", link.low), high=mapping.get("high", link.high))
 
 
 def _check_kind(section: str, where: str, variable: Variable) -> None:
@@ -174,8 +174,6 @@ def _variable(d: Description, name: str, where: str) -> Variable:
 
 
 def _link(section: str, name: str, variable: Variable, unit: Any, factor: float | None) -> Link:
-    if factor == 0.0:
-        raise InputError(f"factor of {section}: {name} is 0; give what the FMU has for one of ours")
     c = _conversion(section, name, variable, unit)
     if factor is not None:
         c = replace(c, factor=c.factor / factor)
@@ -253,18 +251,3 @@ def _interface(name: str, found: Mapping[str, Mapping[str, Link]]) -> TruckInter
         grade="grade" in inputs,
         fuel="fuel_rate" in found["outputs"],
     )
-
-
-def _number(value: Any, what: str, low: float = -math.inf) -> float:
-    if isinstance(value, bool) and what.startswith("set"):
-        return float(value)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value < math.inf:
-        raise InputError(f"{what} of the mapping is {str(value)[:40]}; give a number")
-    return float(value)
-
-
-def _positive(value: Any, what: str) -> float:
-    number = _number(value, what)
-    if not 0.0 < number <= LONGEST:
-        raise InputError(f"{what} of the mapping is {number:g} s; give s, above 0 and at most {LONGEST:g}")
-    return number

@@ -24,11 +24,10 @@ from deeptruck_model.recordings.layout import Columns, Walker
 from deeptruck_model.recordings.obeyed import Obedience, no_load, with_engaged
 from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
 from deeptruck_model.recordings.resample import MARGIN_S, Received, Resampler
+from deeptruck_model.recordings.schemas import DRIVEN_BY
 from deeptruck_model.recordings.topic_map import (
     DEFAULT_TOPICS,
-    DRIVEN_BY,
     EXTRA_TOPIC,
-    NO_SPEED,
     Source,
     TopicMap,
     load,
@@ -171,8 +170,6 @@ def of_messages(
 
 
 def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> None:
-    if "speed" not in sources:
-        raise InputError(NO_SPEED)
     topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1, bag=str(bag.path))
     for channel, source in sources.items():
         if source.topic not in topics:

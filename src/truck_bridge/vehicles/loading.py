@@ -8,9 +8,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from deeptruck_core.reading import package_yaml, parse_yaml, plain
+from deeptruck_core.reading import of, package_yaml, yaml_mapping
+from deeptruck_core.schema import check
 from truck_bridge import channels, j1939
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, ids
@@ -18,7 +17,7 @@ from truck_bridge.j1939.codec import Codec, Layout, Signal
 from truck_bridge.j1939.diagnostics import DM1
 from truck_bridge.safety import tables
 from truck_bridge.units import to_si
-from truck_bridge.vehicles.schema import check
+from truck_bridge.vehicles.schema import VEHICLE
 from truck_bridge.vehicles.vehicle import Blocking, Transmitted, Vehicle
 
 NAMES = ("trucksim", "freightliner", "volvo")
@@ -33,35 +32,16 @@ def load(name: str | Path) -> Vehicle:
 
     Raises InputError naming the file, the key and the error.
     """
-    data, where = _read(str(name))
-    try:
-        check(data, where)
-    except RecursionError:
-        raise InputError(f"{where} holds an alias of itself") from None
-    except InputError as error:
-        raise InputError(plain(str(error), 500)) from None
-    extra = tuple((Path(where).parent / dbc).resolve() for dbc in data.get("dbc", []))
-    try:
-        return _build(data, j1939.load(*extra))
-    except InputError as error:
-        raise InputError(plain(f"{where}: {error}", 500)) from None
-
-
-def _read(name: str) -> tuple[Any, str]:
-    """The content of a vehicle's file, and the name of the file in messages."""
     if name in NAMES:
-        return package_yaml(__package__, f"{name}.yaml"), f"{name}.yaml"
-    path = Path(name)
-    if not path.is_file():  # nor a pipe, which would never answer
+        data, where = package_yaml(__package__, f"{name}.yaml"), f"{name}.yaml"
+    elif not Path(name).is_file():  # nor a pipe, which would never answer
         raise InputError(f"no vehicle '{name}'; known: {', '.join(NAMES)}, or the path of a YAML file")
-    try:
-        return parse_yaml(path.read_text(encoding="utf-8")), name
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{name} cannot be read: {plain(str(error))}; give a YAML file in UTF-8") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a date or number that is none
-        line = getattr(getattr(error, "problem_mark", None), "line", 0) + 1
-        said = plain(str(getattr(error, "problem", None) or error))
-        raise InputError(f"{name}, line {line}: not YAML; {said}") from None
+    else:
+        data, where = yaml_mapping(Path(name), "give a YAML file in UTF-8"), str(name)
+    check(data, VEHICLE, where)
+    extra = tuple((Path(where).parent / dbc).resolve() for dbc in data.get("dbc", []))
+    with of(where):
+        return _build(data, j1939.load(*extra))
 
 
 def _build(data: dict[str, Any], codec: Codec) -> Vehicle:

@@ -110,8 +110,8 @@ def test_bad_input_is_one_line_and_code_2(
     [
         ("column: t, unit: ms", "unit: m/s", "unit of time"),
         ("column: t, unit: h", "unit: m/s", "unit of time"),
-        ("rate_hz: 10", "unit: m/s, scale: 0", "leave no values"),
-        ("rate_hz: 10", "unit: m/s, offset: .nan", "leave no values"),
+        ("rate_hz: 10", "unit: m/s, scale: 0", "speed.scale: 0 does not fit"),
+        ("rate_hz: 10", "unit: m/s, offset: .nan", "speed.offset: nan is not of type"),
     ],
 )
 def test_a_unit_or_scale_that_cannot_be_meant(

@@ -43,5 +43,5 @@ def test_a_stated_mass_that_drives_contradict_is_said(stated_kg: float | None, s
 
 def test_a_misspelt_channel_is_suggested() -> None:
     columns = {"name": "x", "time": {"rate_hz": 1.0}, "channels": {"sped": {"column": "v"}}}
-    with pytest.raises(InputError, match=r"'sped' in COLUMNS; did you mean speed"):
+    with pytest.raises(InputError, match=r"channels: unknown key 'sped'; did you mean speed"):
         load_columns(columns)

@@ -142,8 +142,11 @@ def test_what_lacks_is_said(here: Path, script: Script) -> None:
     [
         (None, "topics.yaml cannot be read: it does not exist"),
         ("- speed\n", "topics.yaml must hold 'key: value' pairs"),
-        ("speed: {topic: /v}\n", "topics.yaml: 'speed' of the topic map needs topic and field"),
-        ("grade: {topic: /g, field: data}\n", "topics.yaml: the topic map has no 'speed'"),
+        (
+            "speed: {topic: /v}\n",
+            "topic map: speed: 'field' is a required property; it needs topic and field",
+        ),
+        ("grade: {topic: /g, field: data}\n", "topics.yaml: topic map: 'speed' is a required property"),
     ],
 )
 def test_a_map_that_is_none_is_one_line(

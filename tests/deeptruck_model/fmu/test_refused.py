@@ -16,22 +16,25 @@ from deeptruck_model import checks
 @pytest.mark.parametrize(
     ("mapping", "says"),
     [
-        ("engine: x\n", "the mapping has an unknown field 'engine'"),
+        ("engine: x\n", "the mapping: unknown key 'engine'"),
         ("inputs: {engine_comand: x}\n", "did you mean engine_command"),
         ("inputs: {engine_command: throttle}\n", "has no variable 'throttle'"),
         (
             "inputs: {engine_command: {variable: engine_command, unit: furlong}}\n",
             "unit 'furlong' does not fit",
         ),
-        ("inputs: {engine_command: {variable: engine_command, scale: 2}}\n", "unknown field 'scale'"),
+        (
+            "inputs: {engine_command: {variable: engine_command, scale: 2}}\n",
+            "engine_command: unknown key 'scale'",
+        ),
         ("inputs: {engine_command: speed}\n", "is a output and no input"),
         ("inputs: {engine_command: null}\n", "no variable that is known as inputs: engine_command"),
         ("outputs: {speed: null}\n", "no variable that is known as outputs: speed"),
         ("start: {speed: null}\n", "no variable that is known as start: speed"),
         ("dt: 0.1\nstep: 0.03\n", "is no whole number of the FMU's steps"),
-        ("dt: -1\n", "dt of the mapping is -1 s"),
+        ("dt: -1\n", "dt: -1 is less than .* give s"),
         ("parameters: {drag_area: {variable: drag_area, unit: ft2}}\n", r"is in ft2, ours is in m\^2"),
-        ("set: {mass: heavy}\n", "set: mass of the mapping is heavy; give a number"),
+        ("set: {mass: heavy}\n", "set.mass: 'heavy' is not of type 'number'"),
         ("- a\n", "must hold 'key: value' pairs"),
     ],
 )

@@ -26,11 +26,11 @@ from deeptruck_model.recordings.consistency.proposals import unit_of
 from deeptruck_model.recordings.interpolate import Series
 from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.ranges import RAW_TORQUE
+from deeptruck_model.recordings.schemas import PARTS
 from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.tables.header_words import IMPERIAL, METRIC, Header, fits, sibling, spelled
 from deeptruck_model.recordings.tables.row_clock import RowClock
 from deeptruck_model.recordings.tables.table_file import MOST_ABOVE, Table
-from deeptruck_model.recordings.topic_map import PARTS
 from deeptruck_model.recordings.units import conversion
 
 Array = NDArray[np.float64]

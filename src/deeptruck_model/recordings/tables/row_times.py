@@ -18,7 +18,8 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from deeptruck_core.errors import InputError
-from deeptruck_model.recordings.tables.columns import DATE_UNITS, Clock
+from deeptruck_model.recordings.schemas import DATE_UNITS
+from deeptruck_model.recordings.tables.columns import Clock
 from deeptruck_model.recordings.tables.row_keys import copies, merged
 from deeptruck_model.recordings.tables.table_file import Table, shown
 from deeptruck_model.recordings.units import TIME_UNITS

@@ -20,6 +20,7 @@ from deeptruck_model.recordings.channel_words import (
 )
 from deeptruck_model.recordings.consistency.proposals import settled
 from deeptruck_model.recordings.message_types import Role
+from deeptruck_model.recordings.schemas import EXTRA
 from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.tables.column_meanings import (
     LOOKED_AT,
@@ -40,7 +41,6 @@ from deeptruck_model.recordings.tables.row_clock import RowClock, find_clock
 from deeptruck_model.recordings.tables.row_keys import Key, key_of, only, widened
 from deeptruck_model.recordings.tables.table_file import Table, read_table
 from deeptruck_model.recordings.tables.table_form import find_form
-from deeptruck_model.recordings.topic_map import EXTRA
 
 Array = NDArray[np.float64]
 
