@@ -64,9 +64,10 @@ dist: setup
 	$(BIN)/python -m build --no-isolation --outdir build/dist
 	$(BIN)/python -m twine check --strict build/dist/*
 
-# The JSON Schemas in docs/schemas, by which editors check files that users write.
+# What documents have from the source: the JSON Schemas, by which editors check files, and tables of pages.
 schemas: setup
 	$(BIN)/python docs/schemas/generate.py
+	$(BIN)/python docs/tables.py
 
 # The documentation as a site, warnings as errors: build/docs/index.html.
 docs: $(VENV)/.docs

@@ -252,6 +252,12 @@ def test_the_pages_that_the_source_names_are_there() -> None:
     assert not {page for page in named if not (ROOT / page).is_file()}
 
 
+def test_the_tables_of_pages_are_what_the_source_makes() -> None:
+    for (page, mark), made in script(DOCS / "tables.py").tables().items():
+        text = (DOCS / page).read_text(encoding="utf-8")
+        assert f"<!-- {mark}: begin -->\n{made}\n<!-- {mark}: end -->" in text, f"{page}: run 'make schemas'"
+
+
 def test_the_indexes_name_every_page() -> None:
     index, site = (DOCS / "README.md").read_text(), (DOCS / "index.rst").read_text()
     pages = {page.stem for page in DOCS.glob("*.md")} - {"README"}

@@ -1,4 +1,4 @@
-"""One list of topics: documents, layouts, bags and the running nodes keep to it."""
+"""One list of topics: layouts, bags and the running nodes keep to it."""
 
 from __future__ import annotations
 
@@ -9,22 +9,11 @@ import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-import pytest
-
 from deeptruck_core.signals import CHANNELS, FAULTS
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
-from deeptruck_nodes import parameters
 from deeptruck_nodes.topics import RECORDED, TOPICS, Topic, expected_subscribers
 
 ROOT = Path(__file__).parents[2]
-
-
-def topic_row(topic: Topic) -> str:
-    """The line of docs/topics.md for a topic."""
-    names = ", ".join(topic.fields)
-    content = f"{topic.content}: {names}" if names else topic.content
-    who = f"{', '.join(topic.publishers)} -> {', '.join(topic.subscribers) or 'whoever asks'}"
-    return f"| `{topic.name}` | {topic.type_name} | {topic.rate} | {who} | {content} |"
 
 
 def test_a_node_starts_without_the_library_of_mechanisms() -> None:
@@ -32,26 +21,6 @@ def test_a_node_starts_without_the_library_of_mechanisms() -> None:
     script = "import sys, deeptruck_nodes.leader, deeptruck_nodes.live_page; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert not {"numba", "scipy.signal"} & set(done.stdout.split())
-
-
-@pytest.mark.parametrize("topic", TOPICS.values(), ids=lambda topic: topic.name)
-def test_the_documented_table_is_this_list(topic: Topic) -> None:
-    assert topic_row(topic) in (ROOT / "docs" / "topics.md").read_text()
-
-
-@pytest.mark.parametrize("node", [name for name in parameters.schema() if name != "common"])
-def test_every_parameter_is_documented_as_it_is(node: str) -> None:
-    text = (ROOT / "docs" / "nodes.md").read_text()
-    section = text.partition(f"## {node}\n")[2].partition("\n## ")[0]
-    for name, entry in parameters.schema()[node].items():
-        assert parameter_row(name, entry) in section
-
-
-def parameter_row(name: str, entry: dict[str, object]) -> str:
-    """The line of docs/nodes.md for a parameter."""
-    limits = "..".join(f"{end:g}" for end in entry["range"]) if "range" in entry else ""  # type: ignore[attr-defined]
-    default = json.dumps(entry["default"])
-    return f"| `{name}` | {default} | {limits} | {entry['says']} |"
 
 
 def test_extraction_reads_what_the_nodes_publish() -> None:

@@ -21,7 +21,6 @@ from deeptruck_model.recordings import (
 )
 from deeptruck_model.recordings.not_recorded import INPUTS, not_recorded
 
-PAGE = Path(__file__).parents[3] / "docs" / "recordings.md"
 CHANNELS_OF = {
     "brake": ("brake_command",),
     "gear": ("gear",),
@@ -123,14 +122,6 @@ def test_it_comes_first_on_the_terminal_in_the_numbers_and_on_the_page(
     assert body.index("<h1>") < body.index("Not recorded: ") < body.index("SPN 521")
     assert body.index("SPN 521") < body.index("data:image")
     assert coverage([lacking]).not_recorded == data["not_recorded"]
-
-
-def test_the_documented_table_is_the_one_that_is_used() -> None:
-    section = (
-        PAGE.read_text(encoding="utf-8").partition("## What was not recorded\n")[2].partition("\n## ")[0]
-    )
-    rows = re.findall(r"^\| (.+) \| (.+) \| (.+) \|$", section, re.MULTILINE)[2:]
-    assert rows == [(one.name, one.hides, one.signal) for one in INPUTS]
 
 
 def test_the_pedals_of_a_person_were_obeyed(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ Leaders: constant:speed=V, sine:speed=V,amplitude=A,period=T, steps:speeds=A/B/C
 stop:speed=V,at=T,deceleration=A,wait=T, random:low=V,high=V,acceleration=A,seed=N, recorded:path=CSV_OR_BAG,
 sumo:motorway[,seed=N] or sumo:SCENARIO.sumocfg[,seed=N][,truck=ID] (traffic)\n
 Roads: flat, constant:grade=G, sine:grade=G,length=L, random:grade=G,length=L,seed=N, table:path=CSV\n
-Every parameter of every node: docs/nodes.md.
+Every parameter of every node: docs/parameters.md.
 """
 
 

@@ -23,7 +23,7 @@ Examples:\n
   --leader steps:speeds=20/5,every=30,acceleration=2 --actuators engaged+10:brake.gain=0.5\n
   deeptruck-vehicle --vehicle volvo --policy POLICY --interface socketcan --channel can0\n
 Without --engage the bridge listens until a person calls the service /can_bridge/engage (std_srvs/Trigger).\n
-Every parameter of every node: docs/nodes.md.
+Every parameter of every node: docs/parameters.md.
 """
 
 

@@ -1,0 +1,90 @@
+"""Writes the tables of pages that the source has, between their marks `<!-- NAME: begin -->` and
+`<!-- NAME: end -->`: `make schemas`, after the schemas.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from deeptruck_core.pages.marked import put_between_marks
+from deeptruck_core.signals import CHANNELS
+from deeptruck_model.recordings.not_recorded import INPUTS
+from deeptruck_model.recordings.units import canonical_units
+from deeptruck_nodes import parameters
+from deeptruck_nodes.topics import TOPICS, Topic
+
+HERE = Path(__file__).parent
+Schema = dict[str, Any]
+
+
+def tables() -> dict[tuple[str, str], str]:
+    """Every table by its page and mark."""
+    columns, topics = map(schema, ("columns", "topics"))
+    fuel = columns["properties"]["channels"]["properties"]["fuel_rate"]  # its entry has every key but `part`
+    both = fuel["properties"] | topics["properties"]["engine_command"]["properties"]
+    return {
+        ("topics.md", "topics"): table(
+            "topic | type | rate | who | content", map(topic_row, TOPICS.values())
+        ),
+        ("parameters.md", "parameters"): "\n\n".join(map(node_section, parameters.schema())),
+        ("columns.md", "keys"): table("key | means", described(columns["properties"])),
+        ("columns.md", "entries"): table("key | means", described(both)),
+        ("columns.md", "channels"): table("channel | unit | range | means", map(channel_row, CHANNELS)),
+        ("columns.md", "not_recorded"): table(
+            "input | without it | record", (f"{one.name} | {one.hides} | {one.signal}" for one in INPUTS)
+        ),
+    }
+
+
+def schema(name: str) -> Schema:
+    """The JSON Schema of a kind of file, as editors get it."""
+    found: Schema = json.loads((HERE / "schemas" / f"{name}.schema.json").read_text(encoding="utf-8"))
+    return found
+
+
+def table(heads: str, rows: Iterable[str]) -> str:
+    """A Markdown table of rows that are written as `a | b | c`."""
+    rule = " | ".join("---" for _ in heads.split(" | "))
+    return "\n".join(f"| {row} |" for row in (heads, rule, *rows))
+
+
+def topic_row(topic: Topic) -> str:
+    """A topic, who publishes it, and who subscribes to it."""
+    names = ", ".join(topic.fields)
+    content = f"{topic.content}: {names}" if names else topic.content
+    who = f"{', '.join(topic.publishers)} -> {', '.join(topic.subscribers) or 'whoever asks'}"
+    return f"`{topic.name}` | {topic.type_name} | {topic.rate} | {who} | {content}"
+
+
+def node_section(node: str) -> str:
+    """The topics and parameters of a node."""
+    ends = (("Receives", "subscribers"), ("Publishes", "publishers"))
+    said = ((what, [f"`{t.name}`" for t in TOPICS.values() if node in getattr(t, end)]) for what, end in ends)
+    rows = (
+        f"`{name}` | {json.dumps(one['default'])} | {'..'.join(f'{x:g}' for x in one.get('range', ()))} | "
+        f"{one['says']}"
+        for name, one in parameters.schema()[node].items()
+    )
+    topics = " ".join(f"{what} {', '.join(names)}." for what, names in said if names)
+    return "\n\n".join(
+        filter(None, (f"## {node}", topics, table("parameter | default | range | means", rows)))
+    )
+
+
+def described(properties: Schema) -> Iterator[str]:
+    """The keys of a mapping, with what the schema says of them."""
+    return (f"`{key}` | {entry['description']}" for key, entry in properties.items())
+
+
+def channel_row(name: str) -> str:
+    """A channel, with the units that it is kept in."""
+    one = CHANNELS[name]
+    return f"`{name}` | {', '.join(canonical_units(name))} | {one.low:g} to {one.high:g} | {one.meaning}"
+
+
+if __name__ == "__main__":
+    for (page, mark), text in tables().items():
+        put_between_marks(HERE / page, mark, text)
