@@ -141,7 +141,7 @@ def test_the_pedals_of_a_person_were_obeyed(tmp_path: Path) -> None:
         assert found.interface.driven_by == stated.get("driven_by")
         lacking = {missing.input.name for missing in not_recorded([found])}
         assert ("commands obeyed" in lacking) == (not stated)
-    with pytest.raises(InputError, match="driven_by is 'person'"):
+    with pytest.raises(InputError, match="driven_by: 'me' is not one of"):
         import_table(table, {**columns, "driven_by": "me"}, tmp_path / "other")
     topics = {"speed": {"topic": "/truck/twist", "field": "twist.linear.x"}, "driven_by": "person"}
     (mapped,) = read(tmp_path / "unstated", topic_map=topics)
