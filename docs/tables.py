@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ Schema = dict[str, Any]
 
 def tables() -> dict[tuple[str, str], str]:
     """Every table by its page and mark."""
-    columns, topics = map(schema, ("columns", "topics"))
+    columns, topics, vehicle = map(schema, ("columns", "topics", "vehicle"))
     fuel = columns["properties"]["channels"]["properties"]["fuel_rate"]  # its entry has every key but `part`
     both = fuel["properties"] | topics["properties"]["engine_command"]["properties"]
     return {
@@ -36,6 +37,7 @@ def tables() -> dict[tuple[str, str], str]:
         ("columns.md", "not_recorded"): table(
             "input | without it | record", (f"{one.name} | {one.hides} | {one.signal}" for one in INPUTS)
         ),
+        ("vehicle_file.md", "keys"): table("key | takes | means", vehicle_rows(vehicle)),
     }
 
 
@@ -83,6 +85,33 @@ def channel_row(name: str) -> str:
     """A channel, with the units that it is kept in."""
     one = CHANNELS[name]
     return f"`{name}` | {', '.join(canonical_units(name))} | {one.low:g} to {one.high:g} | {one.meaning}"
+
+
+def vehicle_rows(of: Schema, place: str = "") -> Iterator[str]:
+    """The keys below a part of the schema of vehicle files that say what they mean."""
+    for key, entry in of["properties"].items():
+        if "description" not in entry:
+            continue
+        inner, where = entry, place + key
+        while isinstance(inner.get("additionalProperties"), dict):
+            inner, where = inner["additionalProperties"], f"{where}.NAME"
+        needed = "" if key in of.get("required", ()) else ", optional"
+        yield f"`{where}` | {takes(inner)}{needed} | {entry['description']}"
+        if "properties" in inner:
+            yield from vehicle_rows(inner, f"{where}.")
+
+
+def takes(entry: Schema) -> str:
+    """The values of a key of a vehicle file, in words."""
+    if "enum" in entry:
+        return ", ".join(map(str, entry["enum"]))
+    if entry["type"] == "array":
+        return f"list: {takes(entry['items'])}"
+    if entry["type"] == "object":
+        return "mapping"
+    if entry.get("maximum", math.inf) >= 1e5:
+        return str(entry["type"])
+    return f"{entry['minimum']:g} to {entry['maximum']:g}"
 
 
 if __name__ == "__main__":

@@ -44,6 +44,11 @@ def array(item: Schema) -> Schema:
     return {"type": "array", "items": item}
 
 
+def means(description: str, schema: Schema, cure: str = "") -> Schema:
+    """A schema with what it means, and how to mend what does not fit it."""
+    return {**schema, "description": description} | ({"errorMessage": cure} if cure else {})
+
+
 def check(data: Any, schema: Schema, where: str) -> None:
     """Raises InputError, naming `where` and the key, if `data` does not fit the schema."""
     # a misspelt key is also a missing one: the misspelling comes first

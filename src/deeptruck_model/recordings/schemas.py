@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import re
 
-from deeptruck_core.schema import DRAFT, NAME, TEXT, Schema, keys, mapping, number
+from deeptruck_core.schema import DRAFT, NAME, TEXT, Schema, keys, mapping, means, number
 from deeptruck_core.signals import CHANNELS, PERSON, SLOPE_FROM, SLOPE_SOURCES
 from deeptruck_core.vehicle_kinds import UNSTATED, VEHICLE_KINDS
 from deeptruck_model.recordings import gated_brake
@@ -26,34 +26,30 @@ DRIVEN_BY = "driven_by"  # the key by which topic maps and COLUMNS say that a pe
 _POWERS = {"^2": r"(?:(?:\^|\*\*)[ ·]*2|²)", "^3": r"(?:(?:\^|\*\*)[ ·]*3|³)"}
 
 
-def _says(description: str, schema: Schema, cure: str = "") -> Schema:
-    return {**schema, "description": description} | ({"errorMessage": cure} if cure else {})
-
-
 _FACTOR = number(-LARGEST, LARGEST)
 _POSITIVE: Schema = {"type": "number", "exclusiveMinimum": 0, "maximum": LARGEST}
 _SOURCE: Schema = {"type": ["string", "number", "array"], "items": NAME, "minItems": 1, "maxItems": 2}
 _MADE = {
-    "scale": _says("factor before the unit is converted", {**_FACTOR, "not": {"const": 0}}),
-    "offset": _says("added after the factor, before the unit is converted", _FACTOR),
+    "scale": means("factor before the unit is converted", {**_FACTOR, "not": {"const": 0}}),
+    "offset": means("added after the factor, before the unit is converted", _FACTOR),
 }
-_LATE = {"late_s": _says("how late it is stamped, s; negative: how early", number(-LATEST_S, LATEST_S))}
-_PART = _says(
+_LATE = {"late_s": means("how late it is stamped, s; negative: how early", number(-LATEST_S, LATEST_S))}
+_PART = means(
     "positive or negative: what lies above or below zero, of one pedal that drives and brakes",
     {"enum": [*PARTS]},
 )
-_DENSITY = _says(
+_DENSITY = means(
     "of the fuel, in g/cm3 or kg/m3, where its rate is by mass",
     {"anyOf": [number(0.3, 3.0), number(300.0, 3000.0)]},
     "give g/cm^3 (about 0.83) or kg/m^3 (about 830)",
 )
 _ONLY = {"density": ("fuel_rate",), "part": ("engine_command", "brake_command")}
 _STATED = {
-    SLOPE_FROM: _says(
+    SLOPE_FROM: means(
         "what a derived grade is from: accelerometer (fused with elevation) or elevation",
         {"enum": [*SLOPE_SOURCES]},
     ),
-    DRIVEN_BY: _says(
+    DRIVEN_BY: means(
         "person where a driver's pedals were recorded: then they were obeyed", {"enum": [PERSON]}
     ),
 }
@@ -63,40 +59,40 @@ _MASS = number(min(kind.least_mass_kg for kind in VEHICLE_KINDS.values()), UNSTA
 @functools.cache
 def columns() -> Schema:
     """Schema of the COLUMNS.yaml of a table."""
-    source = {"column": _says("its name in the header, or a list of two for the norm of a vector", _SOURCE)}
+    source = {"column": means("its name in the header, or a list of two for the norm of a vector", _SOURCE)}
     needed = {
         "time": _time(),
-        "channels": _says(
+        "channels": means(
             "what each column means; speed is needed, all others are optional",
             _channels(source, _LATE, "{column: v, unit: m/s}", units=True),
         ),
     }
     optional = {
-        "name": _says("of the truck interface; the file's name where absent", NAME),
-        "delimiter": _says(
+        "name": means("of the truck interface; the file's name where absent", NAME),
+        "delimiter": means(
             "one character between the cells; found in the header where absent",
             {**TEXT, "minLength": 1, "maxLength": 1},
             "it must be one character",
         ),
-        "encoding": _says("of the text; utf-8 where absent", TEXT),
-        "skip_rows": _says("lines before the header", {"type": "integer", "minimum": 0}),
-        "decimal": _says("the decimal mark; found in the numbers where absent", TEXT),
-        "only": _says(
+        "encoding": means("of the text; utf-8 where absent", TEXT),
+        "skip_rows": means("lines before the header", {"type": "integer", "minimum": 0}),
+        "decimal": means("the decimal mark; found in the numbers where absent", TEXT),
+        "only": means(
             "rows of one vehicle, where a table has several: a column, and its text in the rows to take",
             mapping(NAME),
             "give a column and its text, as in {Vehicle: T-101}",
         ),
-        "pivot": _says(
+        "pivot": means(
             "where each row has one value: the column with the names, and the column with the values",
             keys({"name": NAME, "value": NAME}, cure="give two columns, as in {name: Signal, value: Value}"),
         ),
-        "split_at": _says(
+        "split_at": means(
             "steps in SI units; a larger jump starts a new piece", keys({}, dict.fromkeys(SPLITS, _POSITIVE))
         ),
         EXTRA: _extra(source, _LATE, short=True),
-        "grade_window_m": _says("smoothing of a grade derived from elevation, m", _POSITIVE),
-        "vehicle": _says("what drove: truck, bus, van or car", {"enum": [*VEHICLE_KINDS]}),
-        "mass_kg": _says("what it weighed on these drives, kg; forces are then given in newtons", _MASS),
+        "grade_window_m": means("smoothing of a grade derived from elevation, m", _POSITIVE),
+        "vehicle": means("what drove: truck, bus, van or car", {"enum": [*VEHICLE_KINDS]}),
+        "mass_kg": means("what it weighed on these drives, kg; forces are then given in newtons", _MASS),
     }
     return {"$schema": DRAFT, "title": "columns of a table", **keys(needed, optional | _STATED)}
 
@@ -105,8 +101,8 @@ def columns() -> Schema:
 def topics() -> Schema:
     """Schema of a topic map."""
     source = {
-        "topic": _says("its name in the bag", TEXT),
-        "field": _says(
+        "topic": means("its name in the bag", TEXT),
+        "field": means(
             "path into the message, or a list of two for the norm of a vector; data[3] is an element, "
             "position[name=gear] the value of that name",
             _SOURCE,
@@ -123,7 +119,7 @@ def _time() -> Schema:
     entry = keys(
         {},
         {
-            "column": _says("its name, or those of date and time of day", column),
+            "column": means("its name, or those of date and time of day", column),
             "unit": {"enum": units, "errorMessage": 'other dates need a format: "%d.%m.%Y %H:%M:%S,%f"'},
             "format": {**TEXT, "pattern": "%", "errorMessage": 'such as "%d.%m.%Y %H:%M:%S,%f"'},
             "rate_hz": {"type": "number", "exclusiveMinimum": 0, "maximum": FASTEST_HZ},
@@ -131,7 +127,7 @@ def _time() -> Schema:
     )
     twice = {"anyOf": [{"required": ["rate_hz"]}, {"required": ["unit", "format"]}]}
     forms = [{"required": ["column"], "not": twice}, {"required": ["rate_hz"], "maxProperties": 1}]
-    return _says(
+    return means(
         "the column with the time and its unit or format, or rate_hz where the file has no clock",
         {**entry, "anyOf": forms},
         "give {column: t, unit: s}, a format instead of the unit, or {rate_hz: 1.0} without a clock",
@@ -148,7 +144,7 @@ def _channels(source: Schema, more: Schema, example: str, *, units: bool) -> Sch
         mine = {key: says for key, says in optional.items() if channel in _ONLY.get(key, (channel,))}
         cure = f"it needs {' and '.join(needed)}, as in {example}"
         says = f"{of_it.meaning}, {' or '.join(canonical_units(channel))}"
-        entries[channel] = _says(says, keys(needed, mine, cure))
+        entries[channel] = means(says, keys(needed, mine, cure))
     derived = {key: {"const": value} for key, value in gated_brake.ENTRY.items()}
     entries[gated_brake.COMMAND] = {"anyOf": [entries[gated_brake.COMMAND], keys(derived)]}
     speed, others = {"speed": entries.pop("speed")}, f"other names go under '{EXTRA}'"
@@ -164,7 +160,7 @@ def _extra(source: Schema, more: Schema, *, short: bool) -> Schema:
         "not": {"enum": [*CHANNELS]},
         "errorMessage": "use letters, digits and _, and no name of a channel",
     }
-    return _says(
+    return means(
         "further columns of numbers, carried under names of their own",
         {**mapping({"anyOf": [entry, NAME]} if short else entry), "propertyNames": names},
     )
@@ -176,7 +172,7 @@ def _unit(channel: str, says: str) -> Schema:
     shown = dict.fromkeys((*canonical_units(channel), *spellings))
     one = [1] if "1" in spellings else []  # as YAML reads it
     forms = [{"enum": [*shown, *one]}, {**TEXT, "pattern": _any_spelling(spellings)}]
-    return _says(says, {"anyOf": forms}, f"use one of: {', '.join(spellings)}")
+    return means(says, {"anyOf": forms}, f"use one of: {', '.join(spellings)}")
 
 
 def _any_spelling(spellings: list[str]) -> str:
