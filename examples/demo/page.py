@@ -37,7 +37,7 @@ def write(out: Path, progress: Sequence[Progress], seconds: float) -> Path:
         "commands": {p.step.name: p.step.typed for p in progress},
         "minutes": seconds / 60,
         "docs": os.path.relpath(ROOT / "docs", out),
-        "style": "".join(map(pages.shared, (pages.STYLE, pages.DOCUMENT, pages.DARK))),
+        "style": pages.shared(pages.STYLE, pages.DOCUMENT, pages.DARK),
     }
     for name, needs, section in SECTIONS:
         content[name] = section(out) if done.issuperset(needs) else None

@@ -53,5 +53,5 @@ def document(first: str, more: Sequence[str] = (), parts: Sequence[Part] = ()) -
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     return environment.from_string(shared("document.html.jinja")).render(
-        style="".join(map(shared, (STYLE, DOCUMENT, DARK))), first=first, more=more, parts=parts
+        style=shared(STYLE, DOCUMENT, DARK), first=first, more=more, parts=parts
     )

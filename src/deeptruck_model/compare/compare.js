@@ -68,11 +68,14 @@ function apartLine(k, name) {
 const chosen = () => state.mark && state.mark[1] > state.mark[0] ? state.mark : state.window;
 const within = x => known(x) && x >= chosen()[0] && x <= chosen()[1];
 
+// The clock of a side's drawn means, s of the first side.
+const clock = k => DATA.sides[k].columns.speed.map((_, i) => state.offsets[k] + (i + 0.5) * DATA.step_s);
+
 // Where each sample of a side lies on the axis that is chosen; null where it lies nowhere.
 function places(k) {
   const side = DATA.sides[k];
   if (state.by === "place") return side.place || side.columns.speed.map(() => null);
-  return side.columns.speed.map((_, i) => state.offsets[k] + (i + 0.5) * DATA.step_s);
+  return clock(k);
 }
 
 // The value of a line at x; null outside it, and next to what is unknown.
@@ -101,32 +104,27 @@ function difference(k, name) {
 const views = [];
 
 function addPanel(title, label, lines) {
-  const figure = document.createElement("figure"), canvas = document.createElement("canvas");
-  const caption = document.createElement("figcaption");
+  const figure = document.createElement("figure"), caption = document.createElement("figcaption");
   caption.textContent = title;
-  canvas.tabIndex = 0;
-  canvas.setAttribute("role", "img");
-  canvas.setAttribute("aria-label", `${title}; arrow keys move what is marked`);
-  figure.append(caption, canvas);
+  figure.tabIndex = 0;
+  figure.setAttribute("role", "img");
+  figure.setAttribute("aria-label", `${title}; arrow keys move what is marked`);
+  figure.append(caption);
   byId("panels").append(figure);
-  const plot = new Plot(canvas, 190);
-  views.push({plot, label, lines, canvas});
-  dragged(canvas, (from, to) => mark(plot.atX(from[0]), plot.atX(to[0])), (from, to) => {
-    if (Math.abs(from[0] - to[0]) > 3) mark(plot.atX(from[0]), plot.atX(to[0]));
-  });
-  canvas.addEventListener("keydown", pressed);
-  canvas.addEventListener("pointermove", event => {
-    const x = event.clientX - canvas.getBoundingClientRect().left;
-    point(x >= plot.box.left && x <= plot.box.right ? plot.atX(x) : null);
-  });
-  canvas.addEventListener("pointerleave", () => point(null));
+  const under = chart => {
+    if (state.mark) chart.span(...state.mark, MARK, 0.15);
+    if (state.by === "time") for (const [a, b] of kept) chart.span(a, b, "#555555", 0.25);
+  };
+  const chart = new Chart(figure, {height: 190, group: "drives", marked: mark, moved: point, under});
+  views.push({chart, label, lines});
+  figure.addEventListener("keydown", pressed);
 }
 
 let pointing = false;
 
 function point(x) {
   state.cursor = x;
-  if (!pointing) requestAnimationFrame(() => { pointing = false; draw(false); });
+  if (!pointing) requestAnimationFrame(() => { pointing = false; byId("cursor").textContent = pointed(); });
   pointing = true;
 }
 
@@ -164,21 +162,13 @@ function whole() {
   state.window = state.by === "place" && firsts.length ? reach([firsts], 0) : reach(all, 0);
 }
 
-function draw(all = true) {
-  const axis = state.by === "place" ? "distance along the road, m" : "time, s";
-  for (const {plot, label, lines} of views) {
-    const drawn = lines().filter(line => line.ys);
-    const inside = drawn.map(({xs, ys}) => ys.filter((_, i) => known(xs[i]) && xs[i] >= state.window[0] && xs[i] <= state.window[1]));
-    plot.clear();
-    plot.scale(state.window, reach(inside));
-    plot.axes(axis, label);
-    if (state.mark) plot.span(...state.mark, MARK, 0.15);
-    if (state.by === "time") for (const [a, b] of kept) plot.span(a, b, "#555555", 0.25);
-    if (state.cursor !== null) plot.span(state.cursor, state.cursor, INK, 0.6);
-    for (const {xs, ys, k} of drawn) plot.line(xs, ys, colour(k), 1.5, dash(k));
+function draw() {
+  const axis = state.by === "place" ? "distance along the road, m" : "time, s", [from, to] = state.window;
+  for (const {chart, label, lines} of views) {
+    const drawn = lines().filter(line => line.ys).map(({xs, ys, k}) => ({xs, ys, colour: colour(k), width: 1.5, dash: dash(k)}));
+    const inside = drawn.map(({xs, ys}) => ys.filter((_, i) => known(xs[i]) && xs[i] >= from && xs[i] <= to));
+    chart.draw(drawn, state.window, reach(inside), axis, label);
   }
-  byId("cursor").textContent = pointed();
-  if (!all) return;
   byId("marked").textContent = described();
   DATA.sides.forEach((side, k) => { if (k) byId("key").children[k].lastChild.textContent = `${side.name}${fitted(k)}`; });
   drawAgainst();
@@ -202,25 +192,20 @@ function axisOf(k, name) {
 
 // A channel of side `other` at the samples of side k, by the clock.
 function there(k, other, name) {
-  const clock = side => DATA.sides[side].columns.speed.map((_, i) => state.offsets[side] + (i + 0.5) * DATA.step_s);
   const xs = clock(other), ys = coarse(other, name), hint = {i: 0};
   return clock(k).map(x => ys ? valueAt(xs, ys, x, hint) : null);
 }
 
-let xy = null;
+const xy = new Chart(byId("xy"), {height: 320});
 
 function drawAgainst() {
   const k = Number(byId("xy-side").value), [nx, ny] = ["xy-x", "xy-y"].map(id => byId(id).value);
   const at = places(k), [xs, ys] = [axisOf(k, nx), axisOf(k, ny)];
   const rows = xs && ys ? at.map((_, i) => i).filter(i => within(at[i]) && known(xs[i]) && known(ys[i])) : [];
   const some = rows.filter((_, i) => i % Math.ceil(rows.length / MOST_DOTS || 1) === 0);
-  xy = xy || new Plot(byId("xy"), 320);
   const [px, py] = [some.map(i => xs[i]), some.map(i => ys[i])];
-  xy.clear();
-  xy.scale(reach([px]), reach([py]));
   const label = name => name === "difference" ? `difference of the speed from the first, ${DATA.speed_unit}` : LABELS[name] || name;
-  xy.axes(label(nx), label(ny));
-  xy.dots(px, py, COLOURS[k % COLOURS.length], 2.5);
+  xy.draw([{xs: px, ys: py, colour: COLOURS[k % COLOURS.length], dot: 3}], reach([px]), reach([py]), label(nx), label(ny));
   const pairs = rows.map(i => [xs[i], ys[i]]), r = pairs.length > 2 ? correlation(pairs) : NaN;
   byId("xy-says").textContent = rows.length ? `${rows.length} means of ${DATA.step_s} s${Number.isFinite(r) ? `, correlation ${r.toFixed(2)}` : ""}` : "not recorded together";
 }
@@ -265,7 +250,6 @@ function showKept() {
 
 // Each pair of values at the same moment, by the clock: [the first side's, that of side k].
 function together(k, ours, theirs) {
-  const clock = side => DATA.sides[side].columns.speed.map((_, i) => state.offsets[side] + (i + 0.5) * DATA.step_s);
   const [x0, xk, hint] = [clock(0), clock(k), {i: 0}];
   return x0.map((x, i) => [ours[i], known(ours[i]) ? valueAt(xk, theirs, x, hint) : null]).filter(([a, b]) => known(a) && known(b));
 }
@@ -428,7 +412,7 @@ function build() {
   byId("xy-side").addEventListener("change", drawAgainst);
   byId("xy-x").value = "speed";
   byId("xy-y").value = "difference";
-  window.addEventListener("resize", () => draw());
+  window.addEventListener("resize", draw);
   whole();
   draw();
 }

@@ -61,8 +61,8 @@ def page(comparison: Comparison, units: str = "m/s") -> str:
     )
     data = json.dumps(_drawn(comparison, shown), allow_nan=False, separators=(",", ":"))
     return environment.from_string(_file("compare.html.jinja")).render(
-        style=pages.shared(pages.STYLE) + pages.shared(pages.DARK) + _file("compare.css"),
-        script=pages.shared(pages.PLOT) + _file("compare.js"),
+        style=pages.shared(pages.STYLE, pages.DARK, pages.CHART_STYLE) + _file("compare.css"),
+        script=pages.shared(*pages.CHARTS) + _file("compare.js"),
         names=[c.side.name for c in comparison.compared],
         rows=_rows(comparison, shown),
         apart=_apart(comparison, shown),

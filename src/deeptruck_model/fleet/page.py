@@ -43,7 +43,7 @@ def show(target: Place) -> str:
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     template = resources.files(__package__).joinpath("fleet.html.jinja").read_text(encoding="utf-8")
-    style = "".join(map(pages.shared, (pages.STYLE, pages.DOCUMENT, pages.DARK)))
+    style = pages.shared(pages.STYLE, pages.DOCUMENT, pages.DARK)
     page = environment.from_string(template).render(
         style=style, mark=MARK, families=[opened(spoken(f)) for f in FAMILIES], **content
     )

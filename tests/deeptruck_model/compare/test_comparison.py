@@ -256,7 +256,7 @@ const seen = {errors: []}, frame = document.querySelector("iframe");
 frame.addEventListener("load", () => {
   const w = frame.contentWindow, d = frame.contentDocument;
   w.addEventListener("error", e => seen.errors.push(e.message));
-  const key = (k, shiftKey) => d.querySelector("canvas").dispatchEvent(
+  const key = (k, shiftKey) => d.querySelector("#panels figure").dispatchEvent(
     new w.KeyboardEvent("keydown", {key: k, shiftKey, bubbles: true, cancelable: true}));
   const described = () => d.getElementById("marked").textContent;
   const ink = k => d.querySelectorAll("canvas")[k].toDataURL().length;
@@ -280,7 +280,7 @@ frame.addEventListener("load", () => {
   };
   seen.coarse = inPage('return coarse(0, "gear").length');
   seen.fine = inPage('state.window = [100, 110]; draw(); return line(0, "speed").ys.length');
-  inPage('state.cursor = 105; draw(false)'); seen.cursor = d.getElementById("cursor").textContent;
+  seen.cursor = inPage('state.cursor = 105; return pointed()');
   seen.fit = d.getElementById("key").children[1].textContent;
   inPage('state.mark = [101, 104]; draw()'); d.getElementById("keep").click();
   seen.without = d.querySelector("#kept pre").textContent;
@@ -293,10 +293,12 @@ frame.addEventListener("load", () => {
   const by = d.getElementById("by");
   by.value = "place"; by.dispatchEvent(new w.Event("change"));
   key("ArrowRight"); seen.along = described();
-  const box = d.querySelector("canvas").getBoundingClientRect();
-  const at = (type, x) => d.querySelector("canvas").dispatchEvent(
-    new w.PointerEvent(type, {clientX: box.left + x, clientY: box.top + 50, button: 0, bubbles: true}));
-  at("pointerdown", 100); at("pointermove", 200); at("pointerup", 300); seen.brushed = described();
+  const over = d.querySelector(".u-over"), box = over.getBoundingClientRect();
+  const at = (type, x, y = 50) => over.dispatchEvent(
+    new w.MouseEvent(type, {clientX: box.left + x, clientY: box.top + y, button: 0, bubbles: true}));
+  at("mousedown", 100); at("mousemove", 200); at("mouseup", 300); seen.brushed = described();
+  at("mousemove", 400);
+  seen.lines = [...d.querySelectorAll("#panels .u-cursor-x")].map(x => x.style.transform);
   const pre = document.createElement("pre"); pre.id = "seen"; pre.textContent = JSON.stringify(seen);
   document.body.append(pre);
 });
@@ -331,6 +333,7 @@ def test_it_is_brushed_moved_and_keyed_in_a_browser(bags: Path, tmp_path: Path) 
     assert wider[0] == moved[0] and wider[1] > moved[1] and seen["gone"] == ""
     assert seen["redrawn"] and " m marked" in seen["along"] and " s marked" in seen["begun"]
     assert brushed[1] > brushed[0] and "later: mean speed" in seen["brushed"]
+    assert set(seen["lines"]) == {"translate(400px, 0px)"}  # one cursor in all panels
     assert seen["back"] == seen["found"] and seen["value"] == "40" and seen["kept"]
     assert all(now != then for now, then in zip(seen["moved_by_hand"], seen["found"], strict=True))
     assert "not moved" in seen["refused"][2]

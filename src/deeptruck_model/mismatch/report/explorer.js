@@ -5,7 +5,6 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const shown = document.getElementById("data").dataset;
 const part = id => document.getElementById(id);
 const drives = part("drive"), channels = part("channel"), against = part("against");
-const canvas = part("strip"), plot = new Plot(canvas, 480);
 const names = Object.keys(data.labels), SPEEDS = ["speed", "simulated speed", "corrected speed"];
 const COLOURS = ["#222222", "#d55e00", "#009e73"], LAGS_S = 10, BOUND = 2.58;  // of 99 % of uncorrelated noise
 data.drives.forEach((d, k) => drives.add(new Option(d.name, k)));
@@ -63,23 +62,17 @@ function said(value, unit) {
   return `${Number(value.toFixed(3))}${unit ? ` ${unit}` : ""}`;
 }
 
-function strip(d, from, to, list, colours, says, last) {
-  const parts = list.map(name => rows(d, name));
-  plot.panel(from, to);
-  plot.scale(reached(d), reach(parts.map(c => c.v)));
-  data.segments.filter(s => s.drive === d.name).forEach(s => plot.span(s.from, s.to, "#e69f00", 0.18));
-  data.events.filter(x => x.drive === d.name).forEach(x => plot.span(x.from, x.to, "#7b1fa2", 0.22));
-  plot.axes(last ? "time, s" : "", says);
-  parts.forEach((c, k) => plot.line(c.t, c.v, colours[k]));
-  if (pointer !== null) plot.span(pointer, pointer, "#555555", 0.6);
-}
+const under = chart => {
+  const d = data.drives[drives.value];
+  data.segments.filter(s => s.drive === d.name).forEach(s => chart.span(s.from, s.to, "#e69f00", 0.18));
+  data.events.filter(x => x.drive === d.name).forEach(x => chart.span(x.from, x.to, "#7b1fa2", 0.22));
+};
+const strips = [150, 150, 170].map(height => new Chart(part("strip"), {height, group: "drive", under, marked, moved}));
+const cross = new Chart(part("cross"), {height: 240});
 
-function crossed(d, x, y) {
-  const [, xs, ys] = together(d, [x, y]);
-  plot.panel(0.75, 1.0);
-  plot.scale(reach([xs]), reach([ys]));
-  plot.axes(label(x), label(y));
-  plot.dots(xs, ys, "#0072b2", 2);
+function strip(chart, d, list, colours, says) {
+  const parts = list.map(name => rows(d, name));
+  chart.draw(parts.map((c, k) => ({xs: c.t, ys: c.v, colour: colours[k]})), reached(d), reach(parts.map(c => c.v)), "time, s", says);
 }
 
 // Percent, as control engineers say how well a model fits: 100 where it is exact, 0 where the mean is as good.
@@ -96,15 +89,15 @@ function fit(d, name) {
 function draw() {
   const d = data.drives[drives.value], speeds = SPEEDS.filter(n => d.columns[n]);
   const forces = ["missing", "explained"].filter(n => d.columns[n]);
-  plot.clear({bottom: 42});
-  strip(d, 0.0, 0.28, speeds, COLOURS, `speed, ${shown.units}`);
-  strip(d, 0.34, 0.62, forces, ["#999999", "#c2185b"], "missing, m/s²", against.value !== "");
-  if (against.value) crossed(d, against.value, channels.value);
-  else strip(d, 0.72, 1.0, [channels.value], ["#0072b2"], label(channels.value), true);
+  strip(strips[0], d, speeds, COLOURS, `speed, ${shown.units}`);
+  strip(strips[1], d, forces, [GREY, MARK], "missing, m/s²");
+  strip(strips[2], d, [channels.value], ["#0072b2"], label(channels.value));
+  part("cross").hidden = !against.value;
+  if (against.value) {
+    const [, xs, ys] = together(d, [against.value, channels.value]);
+    cross.draw([{xs, ys, colour: "#0072b2", dot: 3}], reach([xs]), reach([ys]), label(against.value), label(channels.value));
+  }
   part("fit").textContent = speeds.slice(1).map(name => fit(d, name)).filter(text => text).join("; ");
-  const t = pointer, list = [...new Set([...speeds, ...forces, channels.value])];
-  part("cursor").textContent = t === null ? "" : `${t.toFixed(1)} s: ` + list.filter(n => at(d, n, t) !== null)
-    .map(n => `${data.labels[n]} ${said(at(d, n, t), units(n))}`).join(", ");
   if (view) part("without").textContent = `--without ${quoted(d.name)}:${view[0].toFixed(1)}:${view[1].toFixed(1)}`;
   part("leave").hidden = !view;
   if (part("correlations").open) correlations(d);
@@ -124,48 +117,47 @@ function correlation(x, y, lag) {
   return both > 0 ? (xy - sx * sy / n) / both : null;
 }
 
+const lags = ["lags-itself", "lags-channel"].map(id => new Chart(part(id), {height: 150, under: chart => chart.band(...chart.bound)}));
+
 function correlations(d) {
-  const lags = new Plot(part("lags"), 330), name = channels.value, [step, missing, other] = together(d, ["missing", name]);
-  const most = Math.round(LAGS_S / step), bound = BOUND / Math.sqrt(Math.max(missing.filter(known).length, 1));
-  const k = Array.from({length: 2 * most + 1}, (_, i) => i - most), t = k.map(i => i * step);
-  const panel = (from, to, of, says, last) => {
-    lags.panel(from, to);
-    lags.scale([t[0], t[t.length - 1]], [-1, 1]);
-    lags.axes(last ? "lag, s" : "", says);
-    lags.band([t[0], t[t.length - 1]], [-bound, -bound], [bound, bound], "#999999");
-    lags.line(t, k.map(of), "#0072b2");
-  };
-  lags.clear({bottom: 42});
-  panel(0.0, 0.44, i => correlation(missing, missing, i), "missing, itself");
-  panel(0.56, 1.0, i => correlation(other, missing, i), data.labels[name].slice(0, 22), true);
+  const name = channels.value, [step, missing, other] = together(d, ["missing", name]), most = Math.round(LAGS_S / step);
+  const bound = BOUND / Math.sqrt(Math.max(missing.filter(known).length, 1)), ends = [-most * step, most * step];
+  const k = Array.from({length: 2 * most + 1}, (_, i) => i - most), xs = k.map(i => i * step);
+  [[missing, "missing, itself"], [other, data.labels[name].slice(0, 22)]].forEach(([x, says], i) => {
+    lags[i].bound = [ends, [-bound, -bound], [bound, bound], GREY];
+    lags[i].draw([{xs, ys: k.map(lag => correlation(x, missing, lag)), colour: "#0072b2"}], ends, [-1, 1], "lag, s", says);
+  });
   const ranked = names.filter(n => n !== "missing" && n !== "explained" && !n.startsWith("part: ") && d.columns[n])
     .map(n => [n, correlation(...together(d, ["missing", n]).slice(1), 0)]).filter(([, r]) => r !== null)
     .sort((a, b) => Math.abs(b[1]) - Math.abs(a[1])).slice(0, 8);
   part("ranked").textContent = ranked.map(([n, r]) => `${data.labels[n]} ${r.toFixed(2)}`).join(", ");
 }
 
-let began = null, queued = false;
-const time = e => {
-  const [from, to] = reached(data.drives[drives.value]), box = canvas.getBoundingClientRect();
-  const share = (e.clientX - box.left - 58) / Math.max(box.width - 78, 1);
-  return from + Math.min(Math.max(share, 0), 1) * (to - from);
-};
-drives.onchange = () => { view = null; pointer = null; draw(); };
+let queued = false;
+
+function moved(t) {
+  pointer = t;
+  if (!queued) requestAnimationFrame(() => { queued = false; tell(); });
+  queued = true;
+}
+
+// The values at the cursor.
+function tell() {
+  const d = data.drives[drives.value], t = pointer, all = [...SPEEDS, "missing", "explained", channels.value];
+  const list = [...new Set(all)].filter(n => d.columns[n] && t !== null && at(d, n, t) !== null);
+  part("cursor").textContent = t === null ? "" : `${t.toFixed(1)} s: ${list.map(n => `${data.labels[n]} ${said(at(d, n, t), units(n))}`).join(", ")}`;
+}
+
+function marked(from, to) {
+  if (to - from <= 4 * column(data.drives[drives.value], "speed").step) return;
+  view = [from, to];
+  draw();
+}
+
+drives.onchange = () => { view = null; draw(); };
 channels.onchange = against.onchange = draw;
 part("correlations").ontoggle = draw;
-canvas.ondblclick = () => { view = null; draw(); };
-canvas.onpointerdown = e => { began = time(e); };
-canvas.onpointermove = e => {
-  pointer = time(e);
-  if (!queued) requestAnimationFrame(() => { queued = false; draw(); });
-  queued = true;
-};
-canvas.onpointerleave = () => { pointer = null; draw(); };
-canvas.onpointerup = e => {
-  const ended = time(e), least = 4 * (column(data.drives[drives.value], "speed").step);
-  if (began !== null && Math.abs(ended - began) > least) { view = [Math.min(began, ended), Math.max(began, ended)]; draw(); }
-  began = null;
-};
+part("strip").ondblclick = () => { view = null; draw(); };
 window.onresize = draw;
 if (data.first) {
   drives.value = data.drives.findIndex(d => d.name === data.first.drive);

@@ -77,8 +77,8 @@ def _file(name: str) -> str:
 def _content(found: Mismatch, command: str, units: str) -> dict[str, Any]:
     v, e = found.result, found.evidence
     return {
-        "style": pages.shared(pages.STYLE) + pages.shared(pages.DARK) + _file("report.css"),
-        "script": pages.shared(pages.PLOT) + _file("explorer.js"),
+        "style": pages.shared(pages.STYLE, pages.DARK, pages.CHART_STYLE) + _file("report.css"),
+        "script": pages.shared(*pages.CHARTS) + _file("explorer.js"),
         "headline": lines.headline(v),
         "contains": list(lines.contains(v)),
         "sizes": lines.sizes(v),

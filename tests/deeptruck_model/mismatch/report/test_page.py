@@ -30,7 +30,11 @@ def test_the_rows_shown_are_printed_as_an_option_that_leaves_them_out(
         name = lazy_brake.prepared[0].recording.name
         assert page.text("without") == f"--without {name}:20.0:50.0"
         assert page.get("rows(data.drives[0], 'speed').step") == pytest.approx(0.1)  # as recorded
-        page.get("canvas.onpointermove({clientX: canvas.getBoundingClientRect().left + 200})")
+        at = "clientX: over.getBoundingClientRect().left + 200, clientY: over.getBoundingClientRect().top + 9"
+        page.get(
+            "const over = document.querySelector('.u-over');"
+            f"over.dispatchEvent(new MouseEvent('mousemove', {{{at}, bubbles: true}}))"
+        )
         page.wait("document.getElementById('cursor').textContent.includes(' s: speed ')")
         page.get("document.getElementById('correlations').open = true")
         page.wait("document.getElementById('ranked').textContent")

@@ -6,13 +6,16 @@ import base64
 import hashlib
 from importlib import resources
 
+from deeptruck_core import pages
+
 SCRIPTS = ("strips.js", "graph.js", "page.js")  # in this order: each uses those before it
 
 
 def page() -> tuple[bytes, str]:
     """The page and its Content-Security-Policy, which allows its own script and style, by hash, and its event
     stream."""
-    script, style = "\n".join(map(_read, SCRIPTS)), _read("page.css")
+    script = pages.shared(*pages.CHARTS) + "\n".join(map(_read, SCRIPTS))
+    style = pages.shared(pages.CHART_STYLE) + _read("page.css")
     text = _read("page.html").replace("/*style*/", style).replace("/*script*/", script)
     policy = (
         f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; connect-src 'self'; "
