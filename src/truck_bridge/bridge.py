@@ -41,6 +41,7 @@ class Status:
 
     state: str
     engaged: bool
+    acts_alone: bool  # brakes, holds or fades by itself: neither controller nor driver commands
     armed: bool
     address_claimed: bool
     reason: str
@@ -103,10 +104,12 @@ class Bridge:
         *,
         engaged: bool,
         gap: tuple[float, float] = (math.nan, math.nan),
+        hold_brake: float = math.nan,
     ) -> bool:
         """Engine and brake command in the truck interface's units; also the controller's heartbeat.
 
-        `gap`: m to the vehicle ahead, and needed behind it, for engaging.
+        `gap`: m to the vehicle ahead, and needed behind it, for engaging. `hold_brake`: the brake command
+        that goes on to a standstill if control is lost after this call; NaN for none.
 
         `engaged` is the bridge's engaged bit as the controller received it last. If it is still False a
         controller's time-out after control was engaged, the controller counts as lost and control fades.
@@ -114,7 +117,8 @@ class Bridge:
         fades too.
         """
         with self._lock:
-            return self.safety.command(self.vehicle.demands(engine, brake), engaged, now, gap)
+            goes_on = self.vehicle.demands(0.0, hold_brake)
+            return self.safety.command(self.vehicle.demands(engine, brake), engaged, now, gap, goes_on)
 
     def engage(self, now: float, *, person: bool, lead_vehicle: bool) -> tuple[str, ...]:
         """Take control at a person's request. Returns the reasons why not; empty when engaged."""
@@ -154,6 +158,7 @@ class Bridge:
             return Status(
                 safety.state.value,
                 safety.state is State.ENGAGED,
+                safety.controls_allowed and safety.state is not State.ENGAGED,
                 safety.state is not State.SILENT,
                 safety.linked,
                 safety.reason,

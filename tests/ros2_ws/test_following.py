@@ -114,27 +114,27 @@ def drive(
 
 
 def lost(gap: float, speed: float, leader_speed: float, braking: float) -> list[tuple[float, float]]:
-    """Commands from the loss of a leader on, that was seen for 3 s and braked in the last."""
+    """Brake commands, and those to go on with, from the loss of a leader on, that was seen for 3 s and braked
+    in the last."""
     following = Following(load_controller("baseline:acc", load("freightliner").interface), 2.0, 3.0)
     commands = []
     for k in range(65):
         seen = k < 30
         now = leader_speed - braking * max(0.1 * k - 2.0, 0.0)
         reading = (gap, now) if seen else (math.nan, math.nan)
-        command = following.take(Observation((10 + k) * SECOND // 10, speed, *reading, 0.0))
-        commands += [] if seen else [command]
+        following.take(Observation((10 + k) * SECOND // 10, speed, *reading, 0.0))
+        commands += [] if seen else [(following.held[1], following.hold_brake)]
     return commands
 
 
-def test_the_last_command_brakes_for_a_leader_that_braked_and_else_is_none() -> None:
+def test_behind_a_leader_that_braked_it_says_how_to_go_on_braking_and_else_does_not() -> None:
     guard = load_controller("baseline:acc", load("freightliner").interface)
     assert guard.shield is not None
     promise, full = guard.shield.promise, ActionScale.of(guard).brake_high
-    held = (promise.bite + 1.5 / promise.brake_gain) * full
+    mild = (promise.bite + 1.5 / promise.brake_gain) * full  # what bridge and truck go on with
     steady, braked = lost(60.0, 20.0, 20.0, 0.0), lost(60.0, 20.0, 20.0, 2.0)
-    assert all(brake < held or math.isnan(brake) for _, brake in steady)
-    first = next(k for k, command in enumerate(braked) if math.isnan(command[1]))
+    assert all(math.isnan(hold) for _, hold in steady)
+    first = next(k for k, (brake, _) in enumerate(braked) if math.isnan(brake))
     assert 28 <= first <= 32  # 3 s
-    engine, brake = braked[first - 1]
-    assert brake > held and engine == guard.shield.engine_low
-    assert all(math.isnan(brake) for _, brake in braked[first:])
+    assert all(mild < hold <= full for _, hold in braked[: first + 1])  # and with the first that is none
+    assert all(math.isnan(brake) and math.isnan(hold) for brake, hold in braked[first + 1 :])

@@ -224,7 +224,13 @@ class Chain:
         if command := self.command(*self.following.held, self._engaged):
             room, needed = self.following.room
             gap = room + needed, needed
-            self.bridge.command(*command[:2], self.now + self.offset, engaged=command[2], gap=gap)
+            self.bridge.command(
+                *command[:2],
+                self.now + self.offset,
+                engaged=command[2],
+                gap=gap,
+                hold_brake=self.following.hold_brake,
+            )
 
     def braking_fully(self, fails: Callable[[float], dict[str, float]] | None = None) -> Stop:
         """What the truck as it is now reaches by its full brake command alone, within 30 s.

@@ -79,6 +79,7 @@ def dead(chain):
     [
         (silent, 1.0, "EBC1 stale"),  # while the truck brakes little; the controller goes on
         (silent, 4.0, "EBC1 stale"),
+        (dead, 1.0, "controller lost"),
         (dead, 4.0, "controller lost"),
         (lambda chain: chain.lies.append(OppositeSign(chain)), 1.0, None),
     ],
@@ -88,6 +89,7 @@ def test_whatever_else_is_lost_in_braking_does_not_end_it_either(fault, lost_aft
     assert hit == 0.0
     assert chain.truck.speed == 0.0
     assert chain.state == "stopping"
+    assert chain.bridge.status.acts_alone
     assert reason in (None, chain.bridge.safety.reason)
 
 

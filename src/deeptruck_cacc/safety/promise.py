@@ -71,6 +71,10 @@ class Promise:
         share = np.maximum(1.0 - lost, self.least_braking_share) * gain * self.limit_share
         return np.asarray(np.minimum(self.braking * share, self.leader_braking))
 
+    def share_of(self, deceleration: Array | float) -> Array:
+        """Share of the brake command that gives at most a deceleration, m/s^2, on the level without drag."""
+        return np.asarray(self.bite + deceleration / self.brake_gain)
+
     @property
     def slope_pull(self) -> float:
         """What a unit of slope adds to the deceleration by the brakes, m/s^2: less than gravity where they

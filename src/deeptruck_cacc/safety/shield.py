@@ -206,8 +206,7 @@ class Shield:
         less = p.mild_braking * p.dt / p.ease_s
         asked = np.clip(asked, truck.yielded - less, truck.yielded + p.jerk * p.dt)
         self._truck = truck._replace(yielded=asked)
-        share = p.bite + asked / p.brake_gain  # at low speed there is no drag
-        least = np.where(asked > 0, share, 0.0) * self.brake_high
+        least = np.where(asked > 0, p.share_of(asked), 0.0) * self.brake_high
         left = 1.0 - np.clip(asked / p.mild_braking, 0.0, 1.0)
         most = p.bite + np.maximum(p.yielding, p.harder * self._braking_to_stop()) / (p.brake_gain * gain)
         brake = self.brakes.slewed(brake / self.brake_high, most) * self.brake_high

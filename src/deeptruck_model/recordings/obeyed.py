@@ -1,7 +1,8 @@
 """Replaces commands that were not obeyed, because control was not engaged, by the driver's demand.
 
-The bridge reports on /truck/engaged whether it passes commands on, and each command carries the state known
-to the controller. In a run with --no-load, which /diagnostics reports, no command is passed on.
+The bridge reports on /truck/engaged whether it passes commands on (1), the driver drives (0), or it brakes,
+holds or fades by itself (-1), where no command is known. Each command carries the state known to the
+controller. In a run with --no-load, which /diagnostics reports, no command is passed on.
 """
 
 from __future__ import annotations
@@ -100,9 +101,10 @@ class Obedience:
         obeyed = engaged == 1.0
         driving = _held(bits, driver.time) == 0.0
         self._driven[command] |= bool(len(driver.time)) and not np.isnan(driver.values).all()
-        ends = bits.time[1:][(bits.values[:-1] == 1.0) & (bits.values[1:] != 1.0)]
+        ends = (bits.values[:-1] == 1.0) & (bits.values[1:] != 1.0)
         if self._driven[command]:
-            ends = ends[:0]  # the driver's next sample ends the command
+            ends &= bits.values[1:] != 0.0  # the driver's next sample ends the command
+        ends = bits.time[1:][ends]
         time = np.concatenate([given.time[obeyed], driver.time[driving], ends])
         values = np.concatenate([given.values[obeyed], driver.values[driving], np.full(len(ends), np.nan)])
         order = np.argsort(time, kind="stable")

@@ -65,6 +65,7 @@ class Safety:
         self._motions = {axis.can_id: Motion(axis) for axis in self.table.axes}
         self._hold = BrakeHold({axis.name: axis.holds_beyond for axis in self.table.axes if axis.brakes})
         self._demands: dict[str, float] = {}
+        self._goes_on: dict[str, float] = {}  # with which a loss of the controller goes on
         self._commanded = -math.inf
         self._gap = (math.nan, math.nan)  # to the vehicle ahead and needed, m
         self._link = True
@@ -107,15 +108,23 @@ class Safety:
         engaged: bool,
         now: float,
         gap: tuple[float, float] = (math.nan, math.nan),
+        goes_on: Mapping[str, float] | None = None,
     ) -> bool:
         """Take one demand per axis, in the axis's unit; each call is also the controller's heartbeat.
 
-        `gap`: m to the vehicle ahead, and needed behind it; NaN where the controller does not say.
+        `gap`: m to the vehicle ahead, and needed behind it; NaN where the controller does not say. `goes_on`:
+        demands of braking axes that what is ahead needs should control be lost after this call.
 
         `engaged` is the bridge's engaged bit as the controller received it last; False for too long ends
         control. A demand that is NaN, missing or outside the envelope is refused: the result is False and
         control fades.
         """
+        brakes = {axis.name: axis.limits for axis in self.table.axes if axis.brakes}
+        self._goes_on = {
+            name: demand
+            for name, demand in (goes_on or {}).items()
+            if name in brakes and min(brakes[name].low) <= demand <= max(brakes[name].high)
+        }
         for axis in self.table.axes:
             demand = demands.get(axis.name, math.nan)
             if not min(axis.limits.low) <= demand <= max(axis.limits.high):
@@ -181,7 +190,7 @@ class Safety:
         if self.state is not State.ENGAGED:
             return
         self._lose(reason)
-        if self._hold.begin(self._on_the_wire, self._demands):
+        if self._hold.begin(self._on_the_wire, self._demands, self._goes_on):
             self._go_on_braking(now)
         else:
             self.state, self._faded_at = State.FADING, now

@@ -1,7 +1,8 @@
 """What becomes of the truck when control cannot go on; decided here alone, for vehicle and simulation.
 
-Braking beyond 1.5 m/s^2 comes from the shield's bound alone: something is near. Whatever is lost then,
-it goes on to a standstill and there (a minimal-risk manoeuvre). From other driving the truck rolls out.
+Braking beyond 1.5 m/s^2 comes from the shield's bound alone: something is near. Whatever is lost then, or
+while the controller says that what is ahead needs braking, it goes on to a standstill and there (a
+minimal-risk manoeuvre). From other driving the truck rolls out.
 """
 
 from __future__ import annotations
@@ -19,7 +20,10 @@ class BrakeHold:
 
     def begin(self, *demands: Mapping[str, float]) -> bool:
         """Whether any demand is beyond its axis's: then each axis holds the strongest of its own."""
-        strongest = {axis: max((given.get(axis, 0.0) for given in demands), key=abs) for axis in self._beyond}
+        strongest = {
+            axis: max((given.get(axis, 0.0) for given in demands), key=abs, default=0.0)
+            for axis in self._beyond
+        }
         begins = any(strongest[axis] / beyond > 1.0 for axis, beyond in self._beyond.items())
         if begins:
             self.demands = strongest

@@ -116,6 +116,13 @@ def test_the_driver_stands_where_commands_drove_nothing(tmp_path: Path, pattern:
             one.account.remarks) == bool(idle)  # fmt: skip
 
 
+@pytest.mark.parametrize("driver", [BOTH, ()])
+def test_while_the_bridge_acts_alone_no_command_is_known(tmp_path: Path, driver: tuple[str, ...]) -> None:
+    alone = np.r_[np.ones(200, dtype=int), np.full(200, -1), np.ones(200, dtype=int)]
+    one = of(tmp_path, drive(alone, driver=driver))
+    np.testing.assert_array_equal(one.channels["brake_command"], np.where(alone == 1, 5.0, np.nan))
+
+
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_without_a_driver_they_are_set_aside(tmp_path: Path, pattern: str) -> None:
     engaged = PATTERNS[pattern]

@@ -46,7 +46,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._thread: threading.Thread | None = None
         self._signals: dict[str, float] = {}
         self._published_at = self._lead_at = self._asked_at = self._sent_engaged_at = -math.inf
-        self._sent_engaged, self._said = False, ""
+        self._sent_engaged, self._said = 0.0, ""
         self._armed_at = self._counted_at = math.nan  # monotonic, s
         self._in_control = 0.0  # s
         self._say_at = math.inf  # when to say what stands against engaging
@@ -124,15 +124,17 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
 
     def _tell(self, now: float) -> None:
         """Send the engaged bit back to the controller, as the bridge's half of the heartbeat."""
-        engaged = self._bridge.engaged
+        status = self._bridge.status
+        engaged = status.engaged
+        bit = -1.0 if status.acts_alone else float(engaged)
         self._in_control += (now - self._counted_at) * engaged
         self._counted_at = now
-        said, self._said = self._said, "engaged" if engaged else self._bridge.status.warning
+        said, self._said = self._said, "engaged" if engaged else status.warning
         if self._said and self._said != said:
             say(self._said)
-        if engaged != self._sent_engaged or now - self._sent_engaged_at > ENGAGED_PERIOD_S:
-            self._sent_engaged, self._sent_engaged_at = engaged, now
-            self._engaged.publish(messages.scalars(self.now(), ENGAGED.fields, {"engaged": engaged}))
+        if bit != self._sent_engaged or now - self._sent_engaged_at > ENGAGED_PERIOD_S:
+            self._sent_engaged, self._sent_engaged_at = bit, now
+            self._engaged.publish(messages.scalars(self.now(), ENGAGED.fields, {"engaged": bit}))
 
     def _publish(self, stamp: int, signals: dict[str, float]) -> None:
         self._accel.publish(messages.accel(stamp, signals.get("acceleration", math.nan)))
@@ -182,9 +184,10 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
     def _on_command(self, message: JointState) -> None:
         values = messages.read_scalars(message)
         engine, brake = (values.get(name, math.nan) for name in COMMAND.fields[:2])
-        room, needed = (values.get(name, math.nan) for name in ("room", "needed_gap"))
+        room, needed, held = (values.get(name, math.nan) for name in ("room", "needed_gap", "hold_brake"))
         engaged, gap = values.get("engaged") == 1.0, (room + needed, needed)
-        self._bridge.command(engine, brake, time.monotonic(), engaged=engaged, gap=gap)
+        now = time.monotonic()
+        self._bridge.command(engine, brake, now, engaged=engaged, gap=gap, hold_brake=held)
 
     def _on_range(self, message: Range) -> None:
         if math.isfinite(message.range) and nanoseconds(message.header.stamp):

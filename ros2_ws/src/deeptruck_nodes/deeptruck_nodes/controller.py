@@ -76,7 +76,8 @@ class Controller(DeeptruckNode):
 
     def _send(self, stamp: int) -> None:
         self._sent_at = time.monotonic()
-        said = (*self._following.held, float(self._drives), *self._following.room)
+        following = self._following
+        said = (*following.held, float(self._drives), *following.room, following.hold_brake)
         values = dict(zip(COMMAND.fields, said, strict=True))
         self._command.publish(messages.scalars(stamp, COMMAND.fields, values))
 

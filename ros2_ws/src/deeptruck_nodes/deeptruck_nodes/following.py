@@ -16,8 +16,6 @@ from deeptruck_nodes.observation import SECOND, Observation
 EVENTS = ("drop_outs", "shield_interventions", "full_brakings")
 HOLE_S = 0.5  # between two observations, beyond which the past is forgotten; at least three steps
 CONTRADICTED_S = 1.0  # for which a radar may contradict itself, or the truck's speed
-PARTING_M_S2 = 1.0  # needed braking with which control does not end: rolling out would hit what was seen last
-HOLDS_M_S2 = 1.5  # braking beyond which truck and bridge go on with a command that is lost
 HARDER = 1.2  # than is needed, as no command follows
 FULL = 0.95  # of the highest brake command: full braking
 
@@ -43,8 +41,8 @@ class Following:
 
     The command is NaN, which truck and bridge do not obey, if there is nothing to follow: the radar has lost
     the leader for `lose_lead_after_s` or contradicts the speeds for a second, or the truck's speed is
-    missing. Where the leader that was seen last needs braking, the last command before asks for it: truck and
-    bridge then go on braking.
+    missing. Where the leader that was seen last needs braking, `hold_brake` says how much: truck and bridge
+    go on braking with it if no command follows.
     """
 
     def __init__(self, guard: Guard, target_time_gap: float, lose_lead_after_s: float) -> None:
@@ -55,6 +53,7 @@ class Following:
         self._steps = {"shield_acted": 0, "baseline_drove": 0}
         self._events = {name: Event() for name in EVENTS}
         self.held = (math.nan, math.nan)  # engine and brake command in the interface's units
+        self.hold_brake = math.nan  # to go on with if this command is the last; NaN: none
         self.room = (math.nan, math.nan)  # m to the shield's limit, and the gap that it needs
         self.leads = False  # there is something to follow
         self.why = ""  # not, in words; "" while it leads
@@ -113,10 +112,10 @@ class Following:
         led = self.leads
         self.why = self._why_not()
         self.leads = not self.why
+        self.hold_brake = self._held_brake() if led or self.leads else math.nan
         acted, braking = bool(self._guard.acted[0]), brake[0] >= FULL * self._brake_high
         if not self.leads:
-            last = self._parting(float(brake[0])) if led else (math.nan, math.nan)
-            engine, brake = np.array([last]).T
+            engine = brake = np.array([math.nan])
             acted = braking = False
             self.forget()
         self._steps["shield_acted"] += int(acted)
@@ -126,15 +125,14 @@ class Following:
         self._events["full_brakings"].now(bool(braking))
         return float(engine[0]), float(brake[0])
 
-    def _parting(self, brake: float) -> tuple[float, float]:
-        """The command that hands back: NaN, or braking, no less than `brake`, for what was seen."""
-        shield, needs = self._guard.shield, self._guard.needed_braking[0]
-        if shield is None or not needs > PARTING_M_S2:
-            return math.nan, math.nan
-        promise = shield.promise
-        held = promise.bite + HOLDS_M_S2 / promise.brake_gain  # what bridge and truck go on with
-        share = min(max(needs / promise.braking, held) * HARDER, 1.0)
-        return shield.engine_low, max(share * self._brake_high, brake)
+    def _held_brake(self) -> float:
+        """The brake command that stops behind what was seen last; NaN where rolling out does not hit it."""
+        shield, needs = self._guard.shield, float(self._guard.needed_braking[0])
+        if shield is None or not needs > shield.promise.mild_braking:
+            return math.nan
+        p = shield.promise
+        share = max(needs / p.braking, float(p.share_of(p.yielding))) * HARDER
+        return min(share, p.limit_share) * self._brake_high
 
     def _why_not(self) -> str:
         """Why there is nothing to follow; "" if there is."""

@@ -88,7 +88,7 @@ class MismatchMonitor(DeeptruckNode):
     def _on_command(self, message: JointState) -> None:
         self._keep(COMMAND.name, message)
         values = messages.read_scalars(message)
-        self._engaged = not self.p["no_load"] and values.get("engaged") != 0.0
+        self._engaged = not self.p["no_load"] and values.get("engaged", 1.0) == 1.0
         if not self._engaged:  # the driver does, whose demand the simulator is not given
             values = {}
         self._tell(self._monitor.hear_command(self._seconds(message), values))

@@ -13,7 +13,6 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, FUEL, SPEED
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.trucks.accelerometer import Accelerometer
-from deeptruck_nodes.following import HOLDS_M_S2
 from deeptruck_nodes.roads import Road
 from truck_bridge.safety.ending import BrakeHold
 
@@ -34,7 +33,7 @@ class Plant:
         simulator.step(self._state, *idle)  # compiles what is compiled, before anybody waits for it
         self._held, self._left = (0.0, 0.0), 1.0  # the last command, and the share of it that still counts
         limits = known(simulator.interface, simulator.parameters()) or Promise()
-        share = limits.bite + HOLDS_M_S2 / limits.brake_gain
+        share = float(limits.share_of(limits.yielding))  # beyond it only the shield brakes
         self._hold = BrakeHold({"brake": share * ActionScale.of(simulator).brake_high or math.inf})
         self.stopping = False  # braking to a standstill without a command
         self.distance = 0.0
@@ -55,17 +54,20 @@ class Plant:
         """Mean acceleration over the last step, m/s^2."""
         return float(self._y[0, ACCELERATION])
 
-    def step(self, engine_command: float, brake_command: float) -> None:
+    def step(self, engine_command: float, brake_command: float, hold_brake: float = math.nan) -> None:
         """Advance by dt under a held command; without one (NaN) the last one fades to nothing in FADE_S.
 
-        Braking for a hazard goes on without a command to a standstill and there, until the next command.
+        Braking for a hazard, and by `hold_brake` where that is a number, goes on without a command to a
+        standstill and there, until the next command.
         """
         before, given = self.speed, (engine_command, brake_command)
         valid = math.isfinite(engine_command + brake_command)
         if valid and not (self.stopping and before > STANDS_M_S):
             self._held, self._left, self.stopping = given, 1.0, False
         else:
-            self.stopping = self.stopping or self._hold.begin({"brake": self._held[1]})
+            self.stopping = self.stopping or self._hold.begin(
+                *({"brake": b} for b in (self._held[1], hold_brake) if b > 0.0)
+            )
             self._left = max(self._left - self.dt / FADE_S, 0.0)
         brake = self._hold.rise("brake", brake_command) if self.stopping else self._left * self._held[1]
         u = np.array([(self._left * self._held[0], brake)[: len(self.interface.u)]])

@@ -101,13 +101,15 @@ COMMAND = Topic(
     ("truck_sim", "can_bridge", "mismatch_monitor", "recorder"),
     "every radar sample; in real time at least every 50 ms",
     "the truck interface's units; engaged 1: they drive, as bridge or simulated truck said last; "
-    "room and needed_gap, m: how much farther the vehicle ahead is than the shield needs, NaN: not known",
-    ("engine_command", "brake_command", "engaged", "room", "needed_gap"),
+    "room and needed_gap, m: how much farther the vehicle ahead is than the shield needs, NaN: not known; "
+    "hold_brake: the brake command that goes on to a standstill if this command is the last, NaN: none",
+    ("engine_command", "brake_command", "engaged", "room", "needed_gap", "hold_brake"),
 )  # fmt: skip
 ENGAGED = Topic(
     "/truck/engaged", JointState, SOURCES, ("controller", "mismatch_monitor", "recorder"),
     "every 50 ms and on change; every sample of a simulated truck",
-    "1: commands are passed on; a simulated truck obeys each",
+    "1: commands are passed on, a simulated truck obeys each; 0: the driver drives; "
+    "-1: the bridge brakes, holds or fades by itself",
     ("engaged",),
 )  # fmt: skip
 ROAD = Topic(
