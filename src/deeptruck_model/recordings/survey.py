@@ -33,6 +33,13 @@ class Field:
     low: float = np.nan
     high: float = np.nan
 
+    @classmethod
+    def of(cls, path: str, values: Array) -> Field:
+        """A number with these values (n,)."""
+        field = cls(path)
+        field.take(values)
+        return field
+
     def take(self, values: Array) -> None:
         """Extend the range by these values."""
         finite = values[np.isfinite(values)]

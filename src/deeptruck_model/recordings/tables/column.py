@@ -1,7 +1,10 @@
-"""One column of a table, parsed once: decimal mark, thousands, units in cells, words of states and gears."""
+"""One column of a table, parsed once: decimal mark, thousands, units in cells, words of states and gears; and
+what its header says.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,12 +15,13 @@ from numpy.typing import NDArray
 
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import units
-from deeptruck_model.recordings.tables.header_words import spelled
+from deeptruck_model.recordings.tables.header_words import Header, header, spelled
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LOOKED_AT = 5000  # rows by which the decimal mark is found
+MOST_ABOVE = 3  # rows of units above the numbers
 NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
 WITH_UNIT = r"^(?P<number>[+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\d\s.,:/+-]\D*\d?)$"
 IN_UNITS = 0.9  # of the filled cells; fewer with a unit behind their number are notes
@@ -27,8 +31,11 @@ STATES = {  # words of switches
 }
 GEARS = {"n": 0.0, "neutral": 0.0, "r": -1.0, "reverse": -1.0}  # letters of gears that are numbers, too
 MOST_GEARS = 24
+RARE = 0.002  # of the values: codes of faults, which say nothing of the unit
+MOSTLY = 0.5  # of the filled cells of a column of numbers
+_NO_VALUE = r"^(?i:-+|\?+|n/?a|#n/a|null|none|inv|err)$"
 _WITH_MARK = {mark: rf"^[+-]?\d*[{mark}]\d+([eE][+-]?\d+)?$" for mark in ",."}
-GROUPED = r"^\s*[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?\s*$"  # 1,300 and 1,300.5
+_GROUPED = r"^\s*[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?\s*$"  # 1,300 and 1,300.5
 _THOUSANDS = r"^[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"
 
 
@@ -46,11 +53,14 @@ class Column:
     """One column, parsed at its first use: decimal mark, thousands, units in cells, states and gears.
 
     `raw` (n,) are the cells as in the file; `mark` is the table's decimal mark, and `pointed` says that other
-    columns have decimal points, so that commas in this one separate thousands.
+    columns have decimal points, so that commas in this one separate thousands. `below` is its unit where the
+    file states it elsewhere than in the header and the cells.
     """
 
-    def __init__(self, name: str, raw: pa.ChunkedArray, mark: str = ".", *, pointed: bool = False) -> None:
-        self.name, self.raw, self.mark, self.pointed = name, raw, mark, pointed
+    def __init__(
+        self, name: str, raw: pa.ChunkedArray, mark: str = ".", *, pointed: bool = False, below: str = ""
+    ) -> None:
+        self.name, self.raw, self.mark, self.pointed, self.below = name, raw, mark, pointed, below
 
     @property
     def is_text(self) -> bool:
@@ -89,6 +99,42 @@ class Column:
         return self._parsed.unit
 
     @cached_property
+    def header(self) -> Header:
+        """The words of its name and its unit: stated elsewhere, in its cells, a row of units, or its name."""
+        return header(self.name, self.below or self._unit_of_cells())
+
+    def _unit_of_cells(self) -> str:
+        if not self.is_text:
+            return ""
+        if spelled(self.unit, self.name):
+            return self.unit
+        above = [cell or "" for cell in self.cells[:MOST_ABOVE].to_pylist()]
+        return next((cell for cell in above if spelled(cell, self.name)), "")
+
+    @cached_property
+    def is_numbers(self) -> bool:
+        """Whether most filled cells are numbers, other than texts for no value."""
+        try:
+            finite, text = np.isfinite(self.values), self.unreadable
+        except InputError:
+            return False
+        if text.any():
+            none = pc.fill_null(pc.match_substring_regex(self.cells, _NO_VALUE), False).to_numpy()
+            text = text & ~none
+        return bool(finite.any() and finite.sum() >= MOSTLY * (finite.sum() + text.sum()))
+
+    @property
+    def largest(self) -> float:
+        """The largest magnitude without rare codes; NaN for a column without numbers."""
+        sizes = np.abs(self.values[np.isfinite(self.values)])
+        return float(np.quantile(sizes, 1.0 - RARE, method="lower")) if len(sizes) else np.nan
+
+    @property
+    def filled(self) -> float:
+        """The share of rows that have a number."""
+        return float(np.isfinite(self.values).mean())
+
+    @cached_property
     def _parsed(self) -> Parsed:
         if not self.is_text:
             try:
@@ -106,7 +152,7 @@ class Column:
     def _grouped(self) -> bool:
         """Whether all commas are as in 1,300."""
         commas = pc.match_substring(self.cells, ",")
-        return bool(pc.all(pc.equal(commas, pc.match_substring_regex(self.cells, GROUPED))).as_py())
+        return bool(pc.all(pc.equal(commas, pc.match_substring_regex(self.cells, _GROUPED))).as_py())
 
     def _with_units(self) -> Parsed | None:
         """Numbers with their unit behind them, each cell read in its own and given in the most frequent one;
@@ -141,9 +187,12 @@ class Column:
 
     def take(self, rows: NDArray[np.int64]) -> Column:
         """The column with these of its rows; what was parsed stays."""
-        other = Column(self.name, self.raw.take(pa.array(rows)), self.mark, pointed=self.pointed)
+        raw = self.raw.take(pa.array(rows))
+        other = Column(self.name, raw, self.mark, pointed=self.pointed, below=self.below)
         if parsed := self.__dict__.get("_parsed"):
             other.__dict__["_parsed"] = Parsed(parsed.values[rows], parsed.unreadable[rows], parsed.unit)
+        if named := self.__dict__.get("header"):
+            other.__dict__["header"] = named
         return other
 
 
@@ -184,6 +233,17 @@ def _without_thousands(cells: pa.ChunkedArray) -> pa.ChunkedArray:
         return cells
     cells = pc.if_else(marked, pc.replace_substring(cells, ".", ""), cells)
     return pc.if_else(others, pc.binary_join_element_wise(cells, pa.scalar("?"), ""), cells)  # is no number
+
+
+def decimal_mark(columns: Sequence[pa.ChunkedArray], delimiter: str) -> str:
+    """The decimal mark of a table: a comma if cells have one and none has a point. Between commas, where
+    every such cell could be of thousands (1,300), it stays a point."""
+    if any(has_mark(column, ".") for column in columns):
+        return "."
+    commas = [column for column in columns if has_mark(column, ",")]
+    alike = rf"{_GROUPED}|^[^,]*$"
+    grouped = [pc.all(pc.match_substring_regex(c.drop_null(), alike)).as_py() for c in commas]
+    return "," if commas and (delimiter != "," or not all(grouped)) else "."
 
 
 def has_mark(column: pa.ChunkedArray, mark: str) -> bool:

@@ -8,10 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from deeptruck_core.errors import InputError
 from deeptruck_core.reading import plain
 from deeptruck_model.recordings.candidates import DEMANDS, FIELD, TOPIC, Candidate
 from deeptruck_model.recordings.channel_words import (
@@ -28,16 +26,15 @@ from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.ranges import RAW_TORQUE
 from deeptruck_model.recordings.schemas import PARTS
 from deeptruck_model.recordings.survey import Field
-from deeptruck_model.recordings.tables.header_words import IMPERIAL, METRIC, Header, fits, sibling, spelled
+from deeptruck_model.recordings.tables.column import RARE, Column
+from deeptruck_model.recordings.tables.header_words import IMPERIAL, METRIC, fits, sibling
 from deeptruck_model.recordings.tables.row_clock import RowClock
-from deeptruck_model.recordings.tables.table_file import MOST_ABOVE, Table
+from deeptruck_model.recordings.tables.table_file import Table
 from deeptruck_model.recordings.units import conversion
 
 Array = NDArray[np.float64]
 
 LOOKED_AT = 100_000  # rows by which the clock is found and units are compared
-RARE = 0.002  # of the values: codes of faults, which say nothing of the unit
-MOSTLY = 0.5  # of the filled cells of a column of numbers
 METRES_PER_DEGREE = 111_195.0  # of a great circle
 SIGNED = 0.02  # of the largest value: below minus this a pedal does brake
 _LAST = 10  # place behind all others: receivers report a speed a second or two late
@@ -57,36 +54,14 @@ _COUNTS = {  # counts of J1939 and of loggers without floats
 }
 SWITCH = "a measured value: this one is on or off only"
 _OF_OTHERS = {"metric": ("mph", "ft", "degF", "psi"), "imperial": ("km/h",)}  # units that the others rule out
-_NO_VALUE = r"^(?i:-+|\?+|n/?a|#n/a|null|none|inv|err)$"
 PLACE_WORDS = frozenset(("x", "pos", "position", "vehicle", "utm", "local", "odom", "map", "m", "easting"))
-
-
-@dataclass(frozen=True)
-class TableColumn:
-    """One column of numbers: its header, the values (n,) of all rows, and its range."""
-
-    name: str
-    header: Header
-    values: Array
-    field: Field
-
-    @property
-    def largest(self) -> float:
-        """The largest magnitude without rare codes; NaN for a column without numbers."""
-        sizes = np.abs(self.values[np.isfinite(self.values)])
-        return float(np.quantile(sizes, 1.0 - RARE, method="lower")) if len(sizes) else np.nan
-
-    @property
-    def filled(self) -> float:
-        """The share of rows that have a number."""
-        return float(np.isfinite(self.values).mean())
 
 
 @dataclass(frozen=True)
 class Meaning:
     """The channel that a column may be, and its possible units."""
 
-    column: TableColumn
+    column: Column
     channel: str
     asked: frozenset[str]
     place: int
@@ -110,7 +85,7 @@ class Meaning:
         return Candidate(
             self.channel,
             None,
-            self.column.field,
+            Field.of(self.column.name, self.column.values),
             "" if switch else self.unit,
             f"'{' '.join(sorted(self.asked))}' in its name; {self.said}" if self.asked else self.said,
             FIELD if self.column.header.unit else TOPIC,  # a unit that is stated is the surest
@@ -124,52 +99,26 @@ class Meaning:
         )
 
 
-def numbers_of(table: Table, name: str, named: Header) -> TableColumn | None:
-    """A column of numbers; None for others."""
-    try:
-        values, unreadable = table[name].values, table[name].unreadable
-    except InputError:
-        return None
-    finite = np.isfinite(values)
-    if unreadable.any():
-        unreadable = (
-            unreadable
-            & ~pc.fill_null(pc.match_substring_regex(table[name].cells, _NO_VALUE), False).to_numpy()
-        )
-    if not finite.any() or finite.sum() < MOSTLY * (finite.sum() + unreadable.sum()):
-        return None
-    field = Field(name)
-    field.take(values)
-    return TableColumn(name, named, values, field)
-
-
-def unit_below(table: Table, name: str) -> str:
-    """The cell of a row of units, a text above numbers, or the unit after the numbers of the cells."""
-    if not table[name].is_text:
-        return ""
-    if spelled(within := table[name].unit, name):
-        return within
-    above = [cell or "" for cell in table[name].cells[:MOST_ABOVE].to_pylist()]
-    return next((cell for cell in above if spelled(cell, name)), "")
-
-
-def meanings_of(columns: list[TableColumn], headers: dict[str, Header], *, vbo: bool) -> list[Meaning]:
-    """What the columns may mean, each with its possible units; of a VBO file with those of its places."""
-    system = _system(headers)
+def meanings_of(table: Table) -> list[Meaning]:
+    """What the columns of numbers may mean, each with its possible units; of a VBO file with those of its
+    places."""
+    columns, vbo = table.numeric, table.path.suffix.lower() == ".vbo"
+    system = _system(table)
     found = [meaning for column in columns for meaning in _of_column(column, system)]
     found = [_of_vbo(one) for one in found] if vbo else found
     return _pedals_alike([*found, *_by_unit(columns, found)])
 
 
-def _system(headers: dict[str, Header]) -> str:
+def _system(table: Table) -> str:
     """'metric' or 'imperial' by all units and the language of the headers; '' if both or none occur."""
-    units = {one.unit.lower() for one in headers.values()}
-    metric = bool(units & METRIC) or any(one.german for one in headers.values())
+    headers = [column.header for column in table.columns.values()]
+    units = {one.unit.lower() for one in headers}
+    metric = bool(units & METRIC) or any(one.german for one in headers)
     imperial = bool(units & IMPERIAL)
     return "" if metric == imperial else "metric" if metric else "imperial"
 
 
-def _of_column(column: TableColumn, system: str) -> list[Meaning]:
+def _of_column(column: Column, system: str) -> list[Meaning]:
     """The first channel that matches the words of the header and can have its unit; both commands for one
     pedal that drives above zero and brakes below."""
     words, unit, values = column.header.words, column.header.unit, column.values
@@ -255,7 +204,7 @@ def _pedals_alike(meanings: list[Meaning]) -> list[Meaning]:
     ]
 
 
-def _by_unit(columns: list[TableColumn], meanings: list[Meaning]) -> list[Meaning]:
+def _by_unit(columns: list[Column], meanings: list[Meaning]) -> list[Meaning]:
     """Channels that no header names, by the only column in a unit that nothing else on a truck has."""
     found = []
     for channel, units in _TELLING.items():
@@ -272,7 +221,7 @@ def _by_unit(columns: list[TableColumn], meanings: list[Meaning]) -> list[Meanin
     return found
 
 
-def _on_a_plane(columns: list[TableColumn], at: NDArray[np.int64]) -> Iterator[tuple[str, list[Array]]]:
+def _on_a_plane(columns: list[Column], at: NDArray[np.int64]) -> Iterator[tuple[str, list[Array]]]:
     """Columns x and y of positions in metres, (n,) each, as latitude and longitude near the equator."""
     named = {c.name: c for c in columns if c.header.words & {"x"} and c.header.words <= PLACE_WORDS}
     for name, x in named.items():
@@ -290,10 +239,11 @@ def _grows(values: Array) -> bool:
     return bool((steps >= 0.0).all() and (steps > 0.0).any())
 
 
-def compared(meanings: list[Meaning], clock: RowClock, columns: list[TableColumn]) -> list[Meaning]:
+def compared(meanings: list[Meaning], clock: RowClock, table: Table) -> list[Meaning]:
     """Meanings whose unit was undecided, with the one that agrees with columns of known units."""
     if clock.seconds is None:
         return meanings
+    columns = table.numeric
     seconds, at = np.unique(clock.seconds, return_index=True)
     at = at[np.isfinite(seconds)]
     seconds = seconds[: len(at)]

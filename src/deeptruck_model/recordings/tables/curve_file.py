@@ -34,8 +34,7 @@ def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
         Format(skip_rows=_lines_before(path, over, of)),
         cure=f"it needs a header with {over} and {of}, and rows of as many cells",
     )
-    named = {name: frozenset(name.lower().split()) for name in table.columns}
-    if key := key_of(table, [table[of].values], named):
+    if key := key_of(table, [table[of].values]):
         raise InputError(f"{path}: {key}; give a table of one of them")
     table = table.with_key(~np.isnan(table[over].values), over, (over,))
     x, y = table[over].values, table[of].values

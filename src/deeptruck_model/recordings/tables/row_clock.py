@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from deeptruck_core.account import Account
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.candidates import yaml_text
+from deeptruck_model.recordings.tables.column import MOST_ABOVE
 from deeptruck_model.recordings.tables.columns import Clock
-from deeptruck_model.recordings.tables.header_words import NO_TIME, TIME, Header
+from deeptruck_model.recordings.tables.header_words import NO_TIME, TIME
 from deeptruck_model.recordings.tables.row_times import OF_DAY, is_iso, packed_format, timed, usual_formats
-from deeptruck_model.recordings.tables.table_file import MOST_ABOVE, Table
+from deeptruck_model.recordings.tables.table_file import Table
 from deeptruck_model.recordings.tables.table_form import NUMBER
 from deeptruck_model.recordings.units import TIME_UNITS
 
@@ -55,10 +56,8 @@ class _Trial:
     sure: bool = True  # the unit is stated
 
 
-def find_clock(
-    table: Table, headers: Mapping[str, Header], speeds: Sequence[Array], known: bool = True
-) -> RowClock:
-    """The clock of a table, found by its headers (column -> header) and cells.
+def find_clock(table: Table, speeds: Sequence[Array], known: bool = True) -> RowClock:
+    """The clock of a table, found by its headers and cells.
 
     `speeds`, each (n,), are columns of a speed in any unit, which is `known` or not: their rates of change
     decide between units of time. Of several clocks the one with fractions of a second is preferred, then date
@@ -66,7 +65,7 @@ def find_clock(
     """
     found: list[tuple[tuple[object, ...], RowClock]] = []
     refused = ""
-    for trial in _trials(table, headers):
+    for trial in _trials(table):
         fresh = replace(table, account=Account(str(table.path), "rows"))
         try:
             kept, time, _ = timed(fresh, trial.clock)
@@ -76,7 +75,7 @@ def find_clock(
         seconds = np.full(len(table), np.nan)
         seconds[np.searchsorted(table.rows, np.sort(kept.rows))] = time[np.argsort(kept.rows)]
         columns = trial.clock.columns
-        extra = len(frozenset().union(*(headers[name].words for name in columns)) - TIME)
+        extra = len(frozenset().union(*(table[name].header.words for name in columns)) - TIME)
         unusual = UNITS.get(trial.clock.unit, 0.0) * (1.0 if known else COUNTED)
         off = time[-1] if trial.sure else unusual + _unlikely(seconds, speeds)
         whole = not trial.sure or bool(np.allclose(time, np.rint(time)))
@@ -102,7 +101,7 @@ def _line(clock: Clock) -> str:
     return f"time: {{column: {column}{how}}}"
 
 
-def _trials(table: Table, headers: Mapping[str, Header]) -> Iterator[_Trial]:
+def _trials(table: Table) -> Iterator[_Trial]:
     first = {name: _first(table, name) for name in table.columns}
     dates = [name for name, cell in first.items() if DATE_ALONE.fullmatch(cell)]
     days = [name for name, cell in first.items() if DAY_ALONE.fullmatch(cell)]
@@ -111,12 +110,12 @@ def _trials(table: Table, headers: Mapping[str, Header]) -> Iterator[_Trial]:
         for day in days:
             yield from _dated((date, day), f"{first[date]} {first[day]}", places[date])
     for name, column in table.columns.items():
-        words, unit = headers[name].words, headers[name].unit
+        words, unit = column.header.words, column.header.unit
         if column.is_temporal:
             yield _Trial(Clock((name,), unit=""), f"'{name}' has the type {column.raw.type}", places[name])
         elif NUMBER.fullmatch(first[name]):
             if (words & TIME or (unit in TIME_UNITS and _even(table, name))) and not words & NO_TIME:
-                yield from _numbers(table, name, unit, headers[name].stated, places[name])
+                yield from _numbers(table, name, unit, column.header.stated, places[name])
         elif name not in dates and (words & TIME or places[name] == 0):
             yield from _dated((name,), first[name], places[name])
 

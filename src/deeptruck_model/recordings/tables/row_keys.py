@@ -62,14 +62,14 @@ def only(table: Table, wanted: Mapping[str, str]) -> Table:
     return table
 
 
-def key_of(table: Table, speeds: Sequence[Array], words: Mapping[str, frozenset[str]]) -> Key | None:
+def key_of(table: Table, speeds: Sequence[Array]) -> Key | None:
     """The column that assigns rows to vehicles; None if there is only one vehicle.
 
-    `speeds`, each (n,), are columns of a speed; `words` has those of each header. If vehicles alternate, a
-    speed varies much less within the rows of one vehicle than from row to row.
+    `speeds`, each (n,), are columns of a speed. If vehicles alternate, a speed varies much less within the
+    rows of one vehicle than from row to row.
     """
     for name, column in table.columns.items():
-        named = words.get(name, frozenset())
+        named = column.header.words
         if column.is_temporal or not _names(column, named):
             continue
         codes = pc.dictionary_encode(column.cells).combine_chunks()

@@ -9,7 +9,9 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -36,7 +38,6 @@ MOST_BACK = 0.05  # of the rows; where more go back, they are in no order
 LEAST_SERIES = 10  # columns that differ by a number
 SAID = 5  # remarks on one table's clock
 DAY_S, HOUR_S = 86400.0, 3600.0
-INTEGER = r"^[+-]?\d{1,18}$|^[+-]?[1-8]\d{18}$"
 OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d+))?)?")
 OF_DATE = re.compile(
     r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})(?:[T _-]+(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d+))?)?)?"
@@ -167,51 +168,47 @@ def _check_whole_stamps(table: Table, time: Array, name: str, clock: Clock) -> N
     starts = np.flatnonzero(np.r_[True, np.diff(time) != 0])
     if len(time) <= 1.5 * len(starts) or (np.diff(time) < 0).any():
         return
-    first = shown(_joined(table, clock)[0].as_py())
-    if len(starts) == 1:
-        raise InputError(
-            f"{table.path}: all {len(time)} rows have the time {first} in {name}: export it with all its "
-            "digits, or set time: {rate_hz: ...} where the rows are evenly spaced"
-        )
-    stamps = time[starts]
-    units = (("minutes", 60.0), ("seconds", 1.0))
-    whole = next((word for word, s in units if np.allclose(stamps / s, np.rint(stamps / s))), "")
-    rate = float(f"{len(time) / (time[-1] + np.median(np.diff(stamps))):.2g}")
-    if not whole:
-        raise InputError(
-            f"{table.path}: times in {name} repeat (the first {starts[1]} rows have {first}): drop doubled "
-            f"rows, export it with more digits, or set time: {{rate_hz: {rate:g}}} where the rows are evenly "
-            "spaced"
-        )
+    first, rate = shown(_joined(table, clock)[0].as_py()), "..."
+    if len(starts) > 1:
+        rate = f"{float(f'{len(time) / (time[-1] + np.median(np.diff(time[starts]))):.2g}'):g}"
     raise InputError(
-        f"{table.path}: {name} is stamped in whole {whole} while rows come at about {rate:g} Hz (the first "
-        f"{starts[1]} have {first}): export it with fractions, or set time: {{rate_hz: {rate:g}}} where the "
-        "rows are evenly spaced; doubled rows must go"
+        f"{table.path}: times in {name} repeat (the first {[*starts, len(time)][1]} rows have {first}): drop "
+        f"doubled rows, export it with all its digits, or set time: {{rate_hz: {rate}}} where the rows are "
+        "evenly spaced"
     )
 
 
 def _seconds(table: Table, clock: Clock) -> Array:
     """Times (n,) in s relative to some row, NaN if a row has none. Raises InputError if no row has one."""
-    column = table[clock.columns[0]].raw
-    kind = column.type
-    if len(clock.columns) == 1 and not pa.types.is_string(kind):
-        if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
-            return _since_first(pc.cast(column, pa.int64()), TICKS_S[kind.unit])
-        if pa.types.is_time(kind):
-            width = pa.int32() if pa.types.is_time32(kind) else pa.int64()
-            return _over_midnight(
-                table, _since_first(pc.cast(column, width).cast(pa.int64()), TICKS_S[kind.unit]), DAY_S
-            )
-        if clock.unit in TIME_UNITS and clock.format is None:
-            return _of_numbers(table, clock, column)
+    column = table[clock.columns[0]]
+    kind = column.raw.type
+    if len(clock.columns) == 1 and column.is_temporal and not pa.types.is_date(kind):
+        ticks = column.raw.cast(pa.int32()) if pa.types.is_time32(kind) else column.raw
+        seconds = _since_first(ticks.cast(pa.int64()), TICKS_S[kind.unit])
+        return _over_midnight(table, seconds, DAY_S) if pa.types.is_time(kind) else seconds
     cells = _joined(table, clock)
     if pc.all(pc.is_null(cells)).as_py():
         raise InputError(f"{table.path}: column '{clock.columns[0]}' has no time; all its cells are blank")
+    if clock.format is None and clock.unit in TIME_UNITS:
+        return _of_numbers(table, clock, cells)
+    parse: Callable[[str], int | None] = _date_us
+    over = 0.0
     if clock.format is not None:
-        return _of_format(table, clock, cells)
-    return (
-        _of_iso(table, clock, cells) if clock.unit.lower() in DATE_UNITS else _of_texts(table, clock, cells)
-    )
+        parse = partial(_formatted_us, str(clock.format))
+        if not re.search(r"%[dejyYbBmxcDFGs]", clock.format):
+            over = DAY_S if re.search(r"%[HIXT]", clock.format) else HOUR_S
+    elif OF_DAY.fullmatch(cells.drop_null()[0].as_py()):
+        parse, over = _of_day_us, DAY_S
+    else:
+        dashed = pc.replace_substring_regex(cells, r"^(\d{4})/(\d\d)/(\d\d)", r"\1-\2-\3")
+        for stamp in (pa.timestamp("ns"), pa.timestamp("ns", tz="UTC")):
+            with suppress(pa.ArrowInvalid):  # zones that differ, single digits, or a cell that is no date
+                return _since_first(dashed.cast(stamp).cast(pa.int64()), TICKS_S["ns"])
+    found = [None if cell is None else parse(cell) for cell in cells.to_pylist()]
+    if all(one is None for one in found):
+        raise _none(table, clock, cells, pc.is_valid(cells).to_numpy())
+    seconds = _since_first(pa.chunked_array([found], pa.int64()), TICKS_S["us"])
+    return _over_midnight(table, seconds, over) if over else seconds
 
 
 def _joined(table: Table, clock: Clock) -> pa.ChunkedArray:
@@ -230,75 +227,15 @@ def _since_first(ticks: pa.ChunkedArray, tick_s: float) -> Array:
         return np.where(known, (whole - whole[known][0]).astype(np.float64) * tick_s, np.nan)
 
 
-def _of_numbers(table: Table, clock: Clock, column: pa.ChunkedArray) -> Array:
-    """Times from a Parquet file's numbers."""
-    scale = TIME_UNITS[clock.unit]
-    try:
-        if pa.types.is_integer(column.type):
-            return _since_first(pc.cast(column, pa.int64()), scale)
-        if pa.types.is_decimal(column.type):
-            column = pc.subtract(column, pc.drop_null(column)[0])
-        values = pc.cast(column, pa.float64(), safe=False).fill_null(np.nan).to_numpy()
-    except (pa.ArrowException, IndexError):
-        values = table.numbers(clock.columns[0])
-    return _scaled(values, scale)
-
-
-def _scaled(values: Array, scale: float) -> Array:
-    known = np.isfinite(values)
-    first = values[known][0] if known.any() else 0.0
-    return np.where(known, (values - first) * scale, np.nan)
-
-
-def _of_texts(table: Table, clock: Clock, cells: pa.ChunkedArray) -> Array:
-    """Times from numbers as text: integers where whole, floats otherwise."""
-    scale = TIME_UNITS[clock.unit]
-    values, unreadable = table[clock.columns[0]].values, table[clock.columns[0]].unreadable
-    if np.isnan(values).all():
-        raise _none(table, clock, cells, unreadable)
-    whole = pc.fill_null(pc.match_substring_regex(cells, INTEGER), False)
-    if (whole.to_numpy() == np.isfinite(values)).all():
-        return _since_first(pc.if_else(whole, cells, pa.scalar(None, pa.string())).cast(pa.int64()), scale)
-    return _scaled(values, scale)
-
-
-def _of_iso(table: Table, clock: Clock, cells: pa.ChunkedArray) -> Array:
-    """Times from ISO 8601 dates, also with slashes, dots and single digits, or from times of day."""
-    first = cells.drop_null()[0].as_py()
-    if OF_DAY.fullmatch(first):
-        return _over_midnight(table, _parsed(table, clock, cells, _ticks_of_day), DAY_S)
-    dashed = pc.replace_substring_regex(cells, r"^(\d{4})/(\d\d)/(\d\d)", r"\1-\2-\3")
-    for kind in (pa.timestamp("ns"), pa.timestamp("ns", tz="UTC")):
-        try:
-            return _since_first(dashed.cast(kind).cast(pa.int64()), TICKS_S["ns"])
-        except pa.ArrowInvalid:
-            pass  # zones that differ, single digits, or a cell that is no date
-    return _parsed(table, clock, cells, _ticks_of_date)
-
-
-def _of_format(table: Table, clock: Clock, cells: pa.ChunkedArray) -> Array:
-    form = str(clock.format)
-
-    def ticks(cell: str) -> int | None:
-        try:
-            return _ticks(datetime.strptime(re.sub(r"([.,:]\d{6})\d+", r"\1", cell), form))
-        except ValueError:
-            return None
-
-    seconds = _parsed(table, clock, cells, ticks)
-    if re.search(r"%[dejyYbBmxcDFGs]", form):
-        return seconds
-    return _over_midnight(table, seconds, DAY_S if re.search(r"%[HIXT]", form) else HOUR_S)
-
-
-def _parsed(table: Table, clock: Clock, cells: pa.ChunkedArray, ticks: Callable[[str], int | None]) -> Array:
-    """Times of cells by a function that returns ns."""
-    found = pa.chunked_array(
-        [[None if cell is None else ticks(cell) for cell in cells.to_pylist()]], pa.int64()
-    )
-    if pc.all(pc.is_null(found)).as_py():
-        raise _none(table, clock, cells, pc.is_valid(cells).to_numpy())
-    return _since_first(found, TICKS_S["ns"])
+def _of_numbers(table: Table, clock: Clock, cells: pa.ChunkedArray) -> Array:
+    """Times from numbers: integers where all are whole, floats otherwise."""
+    column, scale = table[clock.columns[0]], TIME_UNITS[clock.unit]
+    with suppress(pa.ArrowException):
+        return _since_first((cells if column.is_text else column.raw).cast(pa.int64()), scale)
+    known = np.isfinite(column.values)
+    if not known.any():
+        raise _none(table, clock, cells, column.unreadable)
+    return np.where(known, (column.values - column.values[known][0]) * scale, np.nan)
 
 
 def _over_midnight(table: Table, seconds: Array, period_s: float) -> Array:
@@ -317,35 +254,34 @@ def _over_midnight(table: Table, seconds: Array, period_s: float) -> Array:
     return seconds
 
 
-def _ticks(date: datetime) -> int:
-    """ns since 1970; a date without a zone is taken as UTC."""
-    return (date.replace(tzinfo=date.tzinfo or UTC) - EPOCH) // timedelta(microseconds=1) * 1000
+def _us(date: datetime) -> int:
+    """Microseconds since 1970; a date without a zone is taken as UTC."""
+    return (date.replace(tzinfo=date.tzinfo or UTC) - EPOCH) // timedelta(microseconds=1)
 
 
-def _ticks_of_day(cell: str) -> int | None:
-    match = OF_DAY.fullmatch(cell)
-    if match is None:
+def _formatted_us(form: str, cell: str) -> int | None:
+    with suppress(ValueError):
+        return _us(datetime.strptime(re.sub(r"([.,:]\d{6})\d+", r"\1", cell), form))
+    return None
+
+
+def _of_day_us(cell: str) -> int | None:
+    if (match := OF_DAY.fullmatch(cell)) is None:
         return None
     hours, minutes, seconds = (int(part or 0) for part in match.groups()[:3])
-    return (hours * 3600 + minutes * 60 + seconds) * 10**9 + _fraction(match[4])
+    return (hours * 3600 + minutes * 60 + seconds) * 10**6 + int((match[4] or "").ljust(6, "0")[:6])
 
 
-def _ticks_of_date(cell: str) -> int | None:
-    match = OF_DATE.fullmatch(cell)
-    try:
-        if match is None:
-            return _ticks(datetime.fromisoformat(cell))
-        date = datetime(*(int(part or 0) for part in match.groups()[:6]))  # type: ignore[arg-type]
-    except ValueError:
-        return None
-    zone = re.fullmatch(r"([+-])(\d\d):?(\d\d)", match[8] or "")
-    ahead_s = int(f"{zone[1]}1") * (int(zone[2]) * 3600 + int(zone[3]) * 60) if zone else 0
-    return _ticks(date) + _fraction(match[7]) - ahead_s * 10**9
-
-
-def _fraction(digits: str | None) -> int:
-    """Digits behind the decimal mark as ns."""
-    return int((digits or "").ljust(9, "0")[:9])
+def _date_us(cell: str) -> int | None:
+    """A date of ISO 8601, also with slashes, dots, single digits or UTC behind it."""
+    if match := OF_DATE.fullmatch(cell):
+        year, *parts, fraction, zone = (part or "0" for part in match.groups())
+        month, day, hours, minutes, seconds = (part.zfill(2) for part in parts)
+        zone = {"0": "", "UTC": "Z", "GMT": "Z"}.get(zone, zone)
+        cell = f"{year}-{month}-{day}T{hours}:{minutes}:{seconds}.{fraction}{zone}"
+    with suppress(ValueError):
+        return _us(datetime.fromisoformat(cell))
+    return None
 
 
 def packed_format(cells: pa.ChunkedArray) -> str:
@@ -371,12 +307,12 @@ def packed_format(cells: pa.ChunkedArray) -> str:
 
 def is_iso(cell: str) -> bool:
     """Whether `unit: iso` can read a cell as a date."""
-    return _ticks_of_date(cell) is not None
+    return _date_us(cell) is not None
 
 
 def usual_formats(cell: str) -> list[str]:
     """The common formats in which a cell is a date or time."""
-    return [form for form in USUAL if _fits(cell, form)]
+    return [form for form in USUAL if _formatted_us(form, cell) is not None]
 
 
 def _none(table: Table, clock: Clock, cells: pa.ChunkedArray, unreadable: NDArray[np.bool_]) -> InputError:
@@ -404,11 +340,3 @@ def _advice(clock: Clock, scalar: pa.Scalar) -> str:
         keys = [f'format: "{form}"' for form in usual_formats(cell) if form != clock.format]
         keys = keys or ['format: "..." (of strptime, as "%d.%m.%Y %H:%M:%S,%f"), or rate_hz in place of all']
     return f"; set time: {{column: {column}, {' or '.join(keys)}}}" if keys else ""
-
-
-def _fits(cell: str, form: str) -> bool:
-    try:
-        datetime.strptime(cell, form)
-    except ValueError:
-        return False
-    return True

@@ -15,7 +15,7 @@ from deeptruck_model.recordings.extract import SIDEWAYS
 from deeptruck_model.recordings.interpolate import HELD
 from deeptruck_model.recordings.tables.columns import Columns
 from deeptruck_model.recordings.tables.csv_text import RAGGED
-from deeptruck_model.recordings.tables.header_words import fits, header, sibling, spelled
+from deeptruck_model.recordings.tables.header_words import fits, sibling, spelled
 from deeptruck_model.recordings.tables.row_keys import key_of, only, take_turns, widened
 from deeptruck_model.recordings.tables.row_times import timed
 from deeptruck_model.recordings.tables.table_file import Table, read_table
@@ -55,10 +55,9 @@ def read_samples(path: Path, meaning: Columns) -> Samples:
     table = only(table, meaning.only)
     for name in meaning.time.columns:
         _ = table[name]
-    headers = {name: header(name) for name in table.columns}
     if not meaning.only:
         speeds = [table[meaning.channels["speed"].field].values]
-        if key := key_of(table, speeds, {name: one.words for name, one in headers.items()}):
+        if key := key_of(table, speeds):
             raise InputError(f"{path}: {key}: take one by {key.line}")
         if take_turns(speeds[0]):
             raise InputError(

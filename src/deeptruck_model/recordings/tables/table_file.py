@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv as text_csv
 import difflib
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -23,14 +23,14 @@ from deeptruck_core.account import Account
 from deeptruck_core.errors import InputError
 from deeptruck_core.formats import PARQUET
 from deeptruck_model.recordings.tables import mat_file
-from deeptruck_model.recordings.tables.column import GROUPED, Column, has_mark
+from deeptruck_model.recordings.tables.column import MOST_ABOVE, Column, decimal_mark, has_mark
 from deeptruck_model.recordings.tables.csv_text import BLANK, SAMPLED, CsvText, Format
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SHOWN = 12  # columns that an error lists
-MOST_ABOVE, MOST_BELOW = 3, 10  # rows of units above the numbers, of totals below them
+MOST_BELOW = 10  # rows of totals below the numbers
 MOST_WITHOUT_KEY = 0.1  # of the rows; where more have no time, the column or its unit is mistaken
 LABELS = {  # in a cell of a row that sums up those above it
     "total", "totals", "sum", "mean", "average", "avg", "min", "max", "minimum", "maximum", "median", "std",
@@ -110,6 +110,19 @@ class Table:
             raise InputError(f"{self.path}: column '{name}' holds no numbers; all its cells are blank")
         return values
 
+    @property
+    def numeric(self) -> list[Column]:
+        """The columns of numbers."""
+        return [column for column in self.columns.values() if column.is_numbers]
+
+    def with_units(self, units: Mapping[str, str]) -> Table:
+        """The table with units that the file states elsewhere than at its columns."""
+        columns = {
+            name: Column(name, c.raw, c.mark, pointed=c.pointed, below=units.get(name, ""))
+            for name, c in self.columns.items()
+        }
+        return replace(self, columns=columns)
+
     def take(self, rows: NDArray[np.int64]) -> Table:
         """The table with these of its rows, in this order."""
         columns = {name: column.take(rows) for name, column in self.columns.items()}
@@ -131,7 +144,7 @@ class Table:
         above = np.arange(len(self)) < (len(self) if unreadable.all() else int(np.argmin(unreadable)))
         return self.without(above, ABOVE) if above.sum() <= MOST_ABOVE else self
 
-    def filled(self, names: Sequence[str]) -> Mask:
+    def filled(self, names: Iterable[str]) -> Mask:
         """Which rows (n,) have a cell in one of these columns."""
         found = np.zeros(len(self), dtype=bool)
         for name in names:
@@ -141,7 +154,7 @@ class Table:
                 break
         return found
 
-    def with_key(self, known: Mask, what: str, names: Sequence[str], advice: str = "") -> Table:
+    def with_key(self, known: Mask, what: str, names: Iterable[str], advice: str = "") -> Table:
         """The rows that have a time or distance, marked by `known` (n,).
 
         A few rows above the first are units, and a few below the last are totals. Raises InputError, ending
@@ -209,7 +222,7 @@ def read_table(
     for name, column in zip(names, table.columns, strict=True):
         plain.setdefault(name, _plain_type(column))
     repeated = frozenset(name for name in plain if name and names.count(name) > 1)
-    decimal = form.decimal or _decimal_mark([*plain.values()], delimiter)
+    decimal = form.decimal or decimal_mark([*plain.values()], delimiter)
     points = [name for name, raw in plain.items() if decimal == "." and has_mark(raw, ".")]
     columns = {
         name: Column(name, raw, decimal, pointed=bool(points) and points != [name])
@@ -239,18 +252,6 @@ def check_table(path: Path) -> None:
     """Raises InputError if there is no file that can be a table, nor a folder of its parts."""
     if not in_parts(path):
         reading.check_file(path, "give a CSV or Parquet table")
-
-
-def _decimal_mark(columns: Sequence[pa.ChunkedArray], delimiter: str) -> str:
-    """A comma if cells have one and none has a point. Between commas, where every such cell could be of
-    thousands (1,300), it stays a point."""
-    texts = [column for column in columns if pa.types.is_string(column.type)]
-    if any(has_mark(column, ".") for column in texts):
-        return "."
-    commas = [column for column in texts if has_mark(column, ",")]
-    alike = rf"{GROUPED}|^[^,]*$"
-    grouped = [pc.all(pc.match_substring_regex(c.drop_null(), alike)).as_py() for c in commas]
-    return "," if commas and (delimiter != "," or not all(grouped)) else "."
 
 
 def shown(cell: object) -> str:

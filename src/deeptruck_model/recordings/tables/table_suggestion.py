@@ -24,11 +24,8 @@ from deeptruck_model.recordings.schemas import EXTRA
 from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.tables.column_meanings import (
     LOOKED_AT,
-    TableColumn,
     compared,
     meanings_of,
-    numbers_of,
-    unit_below,
 )
 from deeptruck_model.recordings.tables.csv_text import Format
 from deeptruck_model.recordings.tables.header_words import (
@@ -59,7 +56,6 @@ class TableSuggestion(Proposal):
 
     table: Table
     form: Format
-    columns: list[TableColumn]
     clock: RowClock
     key: Key | None = None
     pivot: tuple[str, str] | None = None
@@ -111,19 +107,14 @@ class TableSuggestion(Proposal):
         """Whether the engine command is a pedal, and no column says whether a controller was engaged."""
         named = [header(one.field.path).words for one in self.candidates.get("engine_command", [])[:1]]
         return any(words & PEDAL_WORDS for words in named) and not any(
-            "engaged" in header(column.name).words for column in self.columns
+            "engaged" in column.header.words for column in self.table.numeric
         )
 
     def _extra(self) -> Iterator[str]:
         """Yield the lines of the `extra` section: the remaining numeric columns, commented out with '# '."""
-        named = {
-            id(one.field)
-            for several in (*self.candidates.values(), *self.commanded.values())
-            for one in several
-        }
-        others = [
-            c.name for c in self.columns if id(c.field) not in named and c.name not in self.clock.columns
-        ]
+        several = (*self.candidates.values(), *self.commanded.values())
+        named = {one.field.path for ones in several for one in ones} | {*self.clock.columns}
+        others = [column.name for column in self.table.numeric if column.name not in named]
         if not others:
             return
         yield ""
@@ -141,24 +132,23 @@ class TableSuggestion(Proposal):
         named = {one.field.path for several in self.candidates.values() for one in several}
         few = [
             plain(c.name)
-            for c in self.columns
+            for c in self.table.numeric
             if c.header.unit and c.name not in (*named, *self.clock.columns) and fits(channel, c.header.unit)
         ]
         return [f"Is it one of these, by its unit: {', '.join(few)}?"] if few else []
 
     def listing(self) -> list[str]:
         """Every column with its range and the channels it may be, one line each."""
-        likely = {id(one.field): one for several in self.candidates.values() for one in several}
-        asked = {id(one.field): one.channel for several in self.commanded.values() for one in several}
-        fields = {column.name: column.field for column in self.columns}
+        likely = {one.field.path: one for several in self.candidates.values() for one in several}
+        asked = {one.field.path: one.channel for several in self.commanded.values() for one in several}
         lines = []
-        for name in self.table.columns:
-            field = fields.get(name, Field(name))
-            one = likely.get(id(field))
+        for name, column in self.table.columns.items():
+            one = likely.get(name)
             said = f"  {one.channel}, {one.unit or 'unit not known'}" if one else ""
-            said = f"  commanded {asked[id(field)]}" if id(field) in asked else said
+            said = f"  commanded {asked[name]}" if name in asked else said
             said = "  time" if name in self.clock.columns else said
-            lines.append(f"{plain(name) or '(no name)'}  {span(field)}{said}")
+            values = column.values if column.is_numbers else np.zeros(0)
+            lines.append(f"{plain(name) or '(no name)'}  {span(Field.of(name, values))}{said}")
         return lines
 
 
@@ -177,31 +167,28 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
     path = Path(path)
     form = find_form(path)
     table = read_table(path, form)
+    described = zip(table.columns, form.described, strict=False)
+    units = {name: header(text).unit for name, text in described}
     pivot = _one_value(table)
-    units: dict[str, str] = {}
     if pivot is not None:
         units = _units_of(table, pivot[0])
-        time = [name for name in table.columns if header(name).words & TIME][:1]
+        time = [name for name, column in table.columns.items() if column.header.words & TIME][:1]
         table = widened(table, *pivot, time)
-    units |= {name: header(text).unit for name, text in zip(table.columns, form.described, strict=False)}
     if [*table.columns][:2] == OURS_BEGINS:
         units |= {name: CHANNELS[name].unit for name in table.columns if name in CHANNELS}
-    headers = {name: header(name, units.get(name) or unit_below(table, name)) for name in table.columns}
-    speeds = [
-        table[name].values
-        for name, one in headers.items()
-        if "speed" in one.words and numbers_of(table, name, one) is not None
-    ]
-    key = key_of(table, speeds, {name: one.words for name, one in headers.items()})
+    table = table.with_units(units)
+    numeric = table.numeric
+    key = key_of(table, [column.values for column in numeric if "speed" in column.header.words])
     if key is not None:
         table = only(table, {key.column: key.values[0]})
-    found_columns = (numbers_of(table, name, headers[name]) for name in table.columns)
-    columns = [column for column in found_columns if column is not None]
-    head = table.take(np.arange(min(len(table), LOOKED_AT)))
-    meanings = meanings_of(columns, headers, vbo=path.suffix.lower() == ".vbo")
-    speeds = [one.column.values[:LOOKED_AT] for one in meanings if one.channel == "speed"]
-    clock = find_clock(head, headers, speeds, any(one.unit for one in meanings if one.channel == "speed"))
-    meanings = compared([one for one in meanings if one.column.name not in clock.columns], clock, columns)
+    meanings = meanings_of(table)
+    speeds = [one for one in meanings if one.channel == "speed"]
+    clock = find_clock(
+        table.take(np.arange(min(len(table), LOOKED_AT))),
+        [one.column.values[:LOOKED_AT] for one in speeds],
+        any(one.unit for one in speeds),
+    )
+    meanings = compared([one for one in meanings if one.column.name not in clock.columns], clock, table)
     candidates: dict[str, list[Candidate]] = {}
     commanded: dict[str, list[Candidate]] = {}
     for one in sorted(meanings, key=lambda one: -round(one.column.filled, 1)):
@@ -209,19 +196,18 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
         (commanded if set_point else candidates).setdefault(one.channel, []).append(one.candidate)
     for several in (*candidates.values(), *commanded.values()):
         several.sort(key=lambda one: one.order)
-    found = TableSuggestion(candidates, commanded, table, form, columns, clock, key, pivot)
+    found = TableSuggestion(candidates, commanded, table, form, clock, key, pivot)
     seconds, at = np.unique(clock.seconds if clock.seconds is not None else np.zeros(0), return_index=True)
     at = at[np.isfinite(seconds)]
-    named = {column.name: column for column in columns}
 
     def values(one: Candidate) -> tuple[Array, Array] | None:
-        raw = named[one.field.path].values[at]
-        raw = np.hypot(raw, named[one.across].values[at]) if one.across else raw
+        raw = table[one.field.path].values[at]
+        raw = np.hypot(raw, table[one.across].values[at]) if one.across else raw
         return (seconds[: len(at)], raw) if len(at) > 1 else None
 
     def across(one: Candidate) -> Candidate | None:
-        other = sibling(one.field.path, named)
-        return replace(one, field=named[other].field) if other else None
+        other = sibling(one.field.path, [column.name for column in table.numeric])
+        return replace(one, field=Field.of(other, table[other].values)) if other else None
 
     found.doubts.extend(settled(found, values, across))
     return found
@@ -229,7 +215,7 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
 
 def _units_of(table: Table, names: str) -> dict[str, str]:
     """The unit of each name, if there is a column of units next to names and values."""
-    units = next((column for column in table.columns if header(column).words & _UNITS), None)
+    units = next((name for name, column in table.columns.items() if column.header.words & _UNITS), None)
     if units is None:
         return {}
     pairs = zip(table[names].cells.to_pylist(), table[units].cells.to_pylist(), strict=True)
@@ -238,7 +224,7 @@ def _units_of(table: Table, names: str) -> dict[str, str]:
 
 def _one_value(table: Table) -> tuple[str, str] | None:
     """The columns of names and of values if each row has one value; None if rows have several."""
-    named = {column: header(column).words for column in table.columns}
+    named = {name: column.header.words for name, column in table.columns.items()}
     name = next((c for c, found in named.items() if found & _NAMES), None)
     values = [c for c, found in named.items() if found & _VALUES]
     value = next(iter(sorted(values, key=lambda c: bool(named[c] & {"raw", "hex"}))), None)
