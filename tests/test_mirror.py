@@ -51,7 +51,6 @@ deeptruck_model.recordings.tables: column row_keys | deeptruck_model/recordings/
 deeptruck_model.recordings.tables: mat_file | deeptruck_model/recordings/tables/test_meaning_by_data.py
 deeptruck_model.recordings.tables: column_meanings | deeptruck_model/recordings/tables/test_meaning_by_data.py
 deeptruck_model.recordings.tables: row_clock | deeptruck_model/recordings/tables/test_table_suggestion.py
-deeptruck_model.recordings.tables: table_form | deeptruck_model/recordings/tables/test_table_suggestion.py
 deeptruck_model.simulators: protocol | deeptruck_model/simulators/test_protocol_check.py
 deeptruck_model.trucks: brakes engine forces gearbox | deeptruck_model/trucks/test_reference.py
 deeptruck_model.trucks: kernel parameters road start | deeptruck_model/trucks/test_reference.py

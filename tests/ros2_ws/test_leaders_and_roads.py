@@ -141,10 +141,7 @@ def test_bad_leaders_are_refused_in_one_line(text: str, names: str) -> None:
         ("time,speed\n1,1\n2,nan\n", "line 3 needs a number"),
         ("", "is empty"),
         ("time;speed\n0;1,5\n1;2.5\n", "line 2 needs a number under time and speed"),
-        (
-            "time,speed\n0,1,5\n1,2,5\n",
-            "none of the 2 rows below has as many; it needs a header with time and",
-        ),
+        ("time,speed\n0,1,5\n1,2,5\n", "none of the 2 rows below has as many"),
     ],
 )
 def test_bad_leader_files_are_refused_in_one_line(rows: str, names: str, tmp_path: Path) -> None:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import redirect_stdout
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deeptruck_core import files, reading
+from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import shown, speed_unit
 from deeptruck_core.terminal.progress import progress
@@ -99,26 +97,15 @@ def suggest_map(
     msg: MessageFiles = None,
 ) -> None:
     """List the content of a bag or table, and propose a channel for each number that may be one."""
-    from deeptruck_model.recordings import import_checks
+    from deeptruck_model.recordings import importing, suggest, suggest_columns
 
-    table = import_checks.is_table(source)
-    checks.every(
-        *([lambda: files.check_new(out), lambda: results.apart(out, source)] if out else []),
-        lambda: import_checks.check_table(source) if table else checks.bag(source, any_topics=True),
-    )
-    found: Suggestion | TableSuggestion
+    if out is not None:
+        files.check_new(out)
+        results.apart(out, source)
+    table = importing.is_table(source)
+    found: Suggestion | TableSuggestion = suggest_columns(source) if table else suggest(source, msg or ())
     # what is printed without --out is the file and nothing else, so that it may be redirected into one
-    with redirect_stdout(sys.stdout if out else sys.stderr):
-        if table:
-            from deeptruck_model.recordings import suggest_columns
-
-            found = suggest_columns(source)
-            print("\n".join(found.listing()))
-        else:
-            from deeptruck_model.recordings import suggest
-
-            found = suggest(source, msg or ())
-            _tell_topics(found)
+    print("\n".join(found.listing()), file=sys.stdout if out else sys.stderr)
     what, option = ("columns", "--columns") if table else ("topic map", "--topic-map")
     if out is None:
         print(found.text(), end="")
@@ -128,21 +115,6 @@ def suggest_map(
         print(f"\nproposed {what}: {out}; check it, then give it as {option} {out}")
     for line in (*found.lacking, *found.doubts):
         print(f"note: {line}", file=sys.stderr)
-
-
-def _tell_topics(found: Suggestion) -> None:
-    from deeptruck_model.recordings.candidates import rate, span
-
-    likely = {id(one.field): one for several in found.candidates.values() for one in several}
-    commanded = {id(one.field): one.channel for several in found.commanded.values() for one in several}
-    for topic in found.survey.topics:
-        said = topic.why or rate(topic)
-        print("  ".join(map(reading.plain, (topic.name, topic.msgtype, said))))
-        for field in topic.fields:
-            one = likely.get(id(field))
-            channel = f"  {one.channel}, {one.unit or 'unit not known'}" if one else ""
-            channel = f"  commanded {commanded[id(field)]}" if id(field) in commanded else channel
-            print(f"  {reading.plain(field.path)}  {span(field)}{channel}")
 
 
 def import_log(
@@ -173,31 +145,26 @@ def import_log(
     overwrite: Overwrite = False,
 ) -> None:
     """Import tables, CAN logs or bags; several ones into bags of their names below `out`."""
-    from deeptruck_model.recordings import import_checks
+    from deeptruck_model.recordings import importing
     from deeptruck_model.recordings.several import distinct
 
     names = distinct(tables)
-    outs = [out] if len(tables) == 1 else [out / names[table] for table in tables]
     if twice := [t for t in tables if tables.count(t) > 1]:
         raise InputError(f"{twice[0]} is given twice; give each source once")
-    if columns is None and (lacking := [t for t in tables if not import_checks.is_can_log(t)]):
+    if len(tables) > 1 and (same := [t for t in tables if Path(names[t]).is_absolute()]):
+        raise InputError(f"several sources are called {same[0].stem}: rename them, or import each alone")
+    if columns is None and (lacking := [t for t in tables if not importing.is_can_log(t)]):
         raise InputError(
             f"give --columns, what the columns of {lacking[0]} mean: 'deeptruck-model suggest {lacking[0]} "
             "--out columns.yaml' proposes it"
         )
     meaning: Path | dict[str, Any] = {} if columns is None else columns
-    if len(tables) > 1 and (same := [t for t in tables if Path(names[t]).is_absolute()]):
-        raise InputError(f"several sources are called {same[0].stem}: rename them, or import each alone")
-    checks.every(
-        *(
-            partial(import_checks.check, table, meaning, place, overwrite=overwrite, clock=clock)
-            for table, place in zip(tables, outs, strict=True)
-        )
-    )
-    if len(tables) > 1:
-        for place in outs:
-            place.parent.mkdir(parents=True, exist_ok=True)
+    outs = [out] if len(tables) == 1 else [out / names[table] for table in tables]
     for table, place in zip(tables, outs, strict=True):
+        importing.check(table, meaning, place, overwrite=overwrite, clock=clock)
+    for table, place in zip(tables, outs, strict=True):
+        if len(tables) > 1:
+            place.parent.mkdir(parents=True, exist_ok=True)
         _import_one(table, meaning, place, clock, msg, slope_from, overwrite)
 
 

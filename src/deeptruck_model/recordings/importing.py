@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice, pairwise
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -15,29 +15,33 @@ from numpy.typing import NDArray
 
 from deeptruck_core.account import Account
 from deeptruck_core.errors import InputError
+from deeptruck_core.formats import BAG as BAG_OF_FRAMES
+from deeptruck_core.formats import Kind, check_measurement, format_of, suffix_of
 from deeptruck_core.imports.entry_points import registered
 from deeptruck_core.signals import CHANNELS, SLOPE_FROM, TruckInterface, check_slope_source
 from deeptruck_model.checks import Clock, calls
-from deeptruck_model.recordings import gated_brake, import_checks
+from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.bag_writer import write_bag
 from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.grade import with_slope
-from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, Series, period
+from deeptruck_model.recordings.interpolate import Series
 from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
 from deeptruck_model.recordings.resample import count_derived, uniform
 from deeptruck_model.recordings.tables.columns import Columns, load_columns
 from deeptruck_model.recordings.tables.samples import read_samples
-from deeptruck_model.recordings.topic_map import stated
-from deeptruck_model.results import BAG
+from deeptruck_model.recordings.topic_map import is_topic_map, load_yaml, stated
+from deeptruck_model.results import BAG, apart
 
 Array = NDArray[np.float64]
 
 IMPORTERS = "deeptruck.importers"
-LEAST_RENEWALS = 20  # by which a value is seen to be held between them
-EVEN = 1.5  # times their median step that samples are apart at most, where no one is missing
-COARSE, SOONEST = 2.5, 0.6  # resolutions by which a coarse sensor changes; of the usual rows between renewals
+A_MAP = (
+    "a bag is converted by a topic map, lines such as 'speed: {topic: /odom, field: twist.twist.linear.x}' "
+    "('deeptruck-model suggest BAG' proposes one); a bag of our topics is used as it is"
+)
 
+Meaning = Mapping[str, Any] | str | Path
 CanLog = tuple[dict[str, tuple[Array, Array]], dict[str, Any]]
 
 
@@ -51,7 +55,7 @@ class Imported:
 
 def import_table(
     table: str | Path,
-    columns: Mapping[str, Any] | str | Path,
+    columns: Meaning,
     out: str | Path,
     *,
     overwrite: bool = False,
@@ -80,55 +84,94 @@ def import_table(
     if not isinstance(columns, Mapping | str | Path):
         raise InputError(f"columns must be a mapping or a YAML file, not {calls.shown(columns)}")
     check_slope_source(slope_from)
-    import_checks.check(table, columns, out, overwrite=overwrite, clock=clock)
-    if import_checks.is_bag(table, columns):
+    kind = check(table, columns, out, overwrite=overwrite, clock=clock)
+    if kind is Kind.BAG:
         recordings = read(table, topic_map=columns, clock=clock, msg=msg)
-        source = slope_from or stated(columns, SLOPE_FROM)
-        recordings = _of_what_is_there(_with_slope(recordings, source, recordings[0].account))
-        write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
-        return Imported(out, recordings)
-    if import_checks.is_can_log(table):
-        return _import_can_log(table, columns, out, overwrite, slope_from)
-    meaning = load_columns(columns)
-    recordings = _of_what_is_there(_recordings(table, meaning, slope_from))
+        recordings = _with_slope(recordings, slope_from or stated(columns, SLOPE_FROM))
+    elif kind is Kind.FRAMES:
+        recordings = _of_can_log(table, _mapping(columns), slope_from)
+    else:
+        recordings = _of_table(table, load_columns(columns), slope_from)
+    recordings = _of_what_is_there(recordings)
     write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
     return Imported(out, recordings)
 
 
-def _recordings(path: Path, meaning: Columns, slope_from: str | None) -> list[Recording]:
-    table = read_samples(path, meaning)
-    time, values, account = table.time, table.values, table.account
-    notes = [f"{TABLE_NOTE}{path.name}", *meaning.notes]
-    cuts = table.begins + [
-        time_of
-        for channel, step in meaning.split_at.items()
-        for time_of in _jumps(time, values[channel], step)
-    ]
-    series = {channel: _measured(channel, time, v, notes) for channel, v in values.items()}
-    for channel, column in meaning.channels.items():
-        if column.late_s:
-            stamped = int((~np.isnan(series[channel].values)).sum())
-            series[channel] = _on_time(channel, series[channel], column.late_s, _segments(time, cuts))
-            lost = stamped - int((~np.isnan(series[channel].values)).sum())
-            account.channel(channel).set_aside("outside their piece once put back by late_s", count=lost)
-            notes.append(f"{channel} is stamped {column.late_s:g} s late and was put back")
-    name = meaning.name or path.stem
+def check(
+    source: Path, columns: Meaning, out: Path, *, overwrite: bool = False, clock: Clock | None = None
+) -> Kind:
+    """What `source` is read as. Raises InputError if it cannot be, by its kind and its description, or if
+    `out` cannot be written."""
+    if not source.exists():
+        raise InputError(f"{source} does not exist")
+    mapping, form = _mapping(columns), format_of(source)
+    kind = Kind.TABLE if form is None else form.kind
+    if kind is Kind.BAG and not is_topic_map(mapping):
+        kind = Kind.FRAMES  # a single file may hold frames
+        if source.is_dir() or suffix_of(source) != BAG_OF_FRAMES:
+            raise InputError(f"{source} is no table: {A_MAP}")
+    if kind is not Kind.BAG and clock is not None:
+        raise InputError(f"'--clock {clock}' is for bags, whose messages have two times; {source} is none")
+    if kind is Kind.FRAMES and "time" in mapping:
+        raise InputError(
+            f"{source} is read as a CAN log, but these columns describe a table (they have a 'time'); "
+            f"{A_MAP}; of a CAN log 'columns' has a vehicle (docs/can_bridge.md), or nothing: {{}}"
+        )
+    if kind is not Kind.BAG:
+        check_measurement(source)
+    if kind is Kind.TABLE:
+        load_columns(columns)
+    BAG.check(out, overwrite=overwrite)
+    apart(out, source)
+    return kind
+
+
+def is_can_log(path: Path) -> bool:
+    """Whether a file holds CAN frames; a single MCAP file without a topic map does."""
+    form = format_of(path)
+    frames = form is not None and form.kind is Kind.FRAMES
+    return frames or (suffix_of(path) == BAG_OF_FRAMES and not path.is_dir())
+
+
+def is_table(path: Path) -> bool:
+    """Whether `suggest` treats a file as a table: any file whose suffix is not that of a bag.
+
+    Raises InputError for a CAN log: its meaning is in a vehicle file.
+    """
+    check_measurement(path)
+    form = format_of(path)
+    if form is not None and form.kind is Kind.FRAMES:
+        raise InputError(
+            f"{path} is read as a CAN log: 'truck-bridge decode' shows its signals (docs/can_bridge.md), "
+            f"and 'deeptruck-model import {path} --out BAG' needs no columns; a table of signals ends on "
+            ".csv or .parquet"
+        )
+    return path.is_file() if form is None else form.kind is Kind.TABLE
+
+
+def _mapping(columns: Meaning) -> dict[str, Any]:
+    return load_yaml(Path(columns)) if isinstance(columns, str | Path) else dict(columns)
+
+
+def _of_table(path: Path, meaning: Columns, slope_from: str | None) -> list[Recording]:
+    samples = read_samples(path, meaning)
+    account, name = samples.account, meaning.name or path.stem
     recordings = uniform(
-        series,
+        samples.series,
         name=name,
         interface=_interface(name, meaning),
         rate_hz=np.inf,  # the table's own
-        cuts=cuts,
-        notes=notes,
+        cuts=samples.cuts,
+        notes=[f"{TABLE_NOTE}{path.name}", *meaning.notes, *samples.notes],
         account=account,
     )
     if any(column.gates for column in meaning.channels.values()):
         recordings = [gated_brake.substituted(recording) for recording in recordings]
-    recordings = _with_slope(recordings, slope_from or meaning.slope_from, account, meaning.grade_window_m)
-    inside = np.zeros(len(time), dtype=bool)
+    recordings = _with_slope(recordings, slope_from or meaning.slope_from, meaning.grade_window_m)
+    inside = np.zeros(len(samples.time), dtype=bool)
     for start, end in account.spans:
-        inside |= (time >= start - recordings[0].dt) & (time <= end + recordings[0].dt)
-    table.set_aside(~inside, "outside the pieces, where speed is missing or has a single sample")
+        inside |= (samples.time >= start - recordings[0].dt) & (samples.time <= end + recordings[0].dt)
+    samples.set_aside(~inside, "outside the pieces, where speed is missing or has a single sample")
     return _noted(recordings, account)
 
 
@@ -136,87 +179,6 @@ def _noted(recordings: list[Recording], account: Account) -> list[Recording]:
     """Recordings with notes on what was omitted, which the bag then contains too."""
     said = [line.strip() for line in islice(account.lines(), 1, None)]
     return [replace(r, notes=tuple(dict.fromkeys((*r.notes, *said)))) for r in recordings]
-
-
-def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Series:
-    """The channel's samples, without the blank rows between them if a slow sensor fills only some rows.
-
-    Samples that are evenly spaced in time lack none, whatever rows others add between them. A column that
-    alternates and then stops belongs to a sensor that failed and is not treated as slow.
-    """
-    valid = ~np.isnan(values)
-    renewed = np.zeros(0) if channel in (*HELD, *LATCHED) else renewals(values[valid])
-    if len(renewed):
-        rows = np.flatnonzero(valid)[renewed]
-        every = round(float(np.median(np.diff(rows))))
-        notes.append(
-            f"{channel} is renewed every {every} rows and held between them: taken where it is renewed"
-        )
-        return Series(time[rows], values[rows])
-    rows_apart, apart = np.diff(np.flatnonzero(valid)), np.diff(time[valid])
-    most = EVEN * float(np.median(apart)) if len(apart) else 0.0
-    ends = (time[valid][:1] - time[0] <= most).all() and (time[-1] - time[valid][-1:] <= most).all()
-    even = len(apart) > LEAST_RENEWALS and float(apart.max()) <= most and ends
-    if valid.all() or (len(rows_apart) and np.median(rows_apart) < 2.0 and not even):
-        if not valid.all():
-            notes.append(f"{channel} is invalid in {(~valid).sum()} rows of {len(values)}")
-        return Series(time, values)
-    notes.append(f"{channel} taken as sampled in the {valid.sum()} rows of {len(values)} that have it")
-    return Series(time[valid], values[valid])
-
-
-def renewals(values: Array) -> NDArray[np.int64]:
-    """Rows (k,) at which a value that is held between them was renewed; none if it is not held.
-
-    A sensor of coarse resolution also repeats its value, but for a varying number of rows, and then changes
-    by its resolution. A value that stays for longer than usual was renewed in between with the same number.
-    """
-    changes = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
-    apart = np.diff(changes[1:])
-    if len(apart) < LEAST_RENEWALS or (every := int(np.median(apart))) < 2:
-        return np.zeros(0, dtype=np.int64)
-    off = np.abs(apart - every * np.rint(apart / every))
-    regular = (off <= every // 10).mean() > 0.95
-    resolution = float(np.diff(np.unique(np.round(values, 9))).min())
-    coarse = float(np.median(np.abs(np.diff(values[changes])))) < COARSE * resolution
-    if not regular and (coarse or (apart < SOONEST * every).mean() > 0.05):
-        return np.zeros(0, dtype=np.int64)
-    runs = [(i, j, max(1, round((j - i) / every))) for i, j in pairwise([*changes, len(values)])]
-    return np.concatenate([i + (j - i) * np.arange(count) // count for i, j, count in runs])
-
-
-def _jumps(time: Array, values: Array, step: float) -> Array:
-    """Times of the samples that differ from the one before by more than `step`."""
-    valid = ~np.isnan(values)
-    return time[valid][1:][np.abs(np.diff(values[valid])) > step]
-
-
-def _segments(time: Array, cuts: list[float]) -> Array:
-    """Starts of the contiguous segments of a table, ascending, followed by infinity."""
-    gap = max(GAP_S, GAP_PERIODS * period(time))
-    behind_gaps = time[1:][np.diff(time) > gap]
-    return np.unique(np.concatenate([time[:1], behind_gaps, cuts, [np.inf]]))
-
-
-def _on_time(channel: str, series: Series, late_s: float, segments: Array) -> Series:
-    """The series with corrected stamps.
-
-    A sample that would leave its segment is not valid in the next segment and is dropped; a NaN ends every
-    segment, so that no value is held into the next one. The speed's stamps are the clock of the recording,
-    which ends with a segment's last row.
-    """
-    own = period(series.time)
-    stamps, values = [np.zeros(0)], [np.zeros(0)]
-    for begin, end in pairwise(segments):
-        inside = (series.time >= begin) & (series.time < end)
-        if not inside.any():
-            continue
-        clock = channel == "speed"
-        moved = series.time[inside] - late_s
-        stays = (moved >= begin) & ((moved <= series.time[inside][-1]) if clock else (moved < end))
-        stamps += [moved[stays], *([] if clock else [np.minimum(moved[-1:] + own, end)])]
-        values += [series.values[inside][stays], *([] if clock else [np.array([np.nan])])]
-    return Series(np.concatenate(stamps), np.concatenate(values))
 
 
 def _interface(name: str, meaning: Columns) -> TruckInterface:
@@ -234,26 +196,19 @@ def _interface(name: str, meaning: Columns) -> TruckInterface:
 
 
 def _with_slope(
-    recordings: list[Recording],
-    source: str | None,
-    account: Account | None,
-    window_m: float | None = None,
+    recordings: list[Recording], source: str | None, window_m: float | None = None
 ) -> list[Recording]:
-    """The recordings with a grade derived where it is not recorded, counted in the account."""
+    """The recordings with a grade derived where it is not recorded, counted in their account."""
     sloped = with_slope(recordings, source, window_m)
     for before, after in zip(recordings, sloped, strict=True):
         derived = after.channels.get("grade")
-        if account is not None and derived is not None and derived is not before.channels.get("grade"):
-            count_derived(account, "grade", derived, before.start_s, before.dt)
+        if after.account is not None and derived is not None and derived is not before.channels.get("grade"):
+            count_derived(after.account, "grade", derived, before.start_s, before.dt)
     return sloped
 
 
-def _import_can_log(
-    log: Path, columns: Mapping[str, Any] | str | Path, out: Path, overwrite: bool, slope_from: str | None
-) -> Imported:
-    meaning = import_checks.columns_of_log(log, columns)
-    source = check_slope_source(meaning.get(SLOPE_FROM)) or slope_from
-    meaning = {key: entry for key, entry in meaning.items() if key != SLOPE_FROM}
+def _of_can_log(log: Path, meaning: dict[str, Any], slope_from: str | None) -> list[Recording]:
+    source = check_slope_source(meaning.pop(SLOPE_FROM, None)) or slope_from
     gated = gated_brake.is_asked(meaning.get("channels"), implied=(gated_brake.SWITCH,))
     if gated:
         others = {c: entry for c, entry in meaning["channels"].items() if c != gated_brake.COMMAND}
@@ -279,12 +234,9 @@ def _import_can_log(
     series = {c: Series(np.asarray(t, float) - first, np.asarray(v, float)) for c, (t, v) in channels.items()}
     name = str(meaning.get("name", log.stem))
     recordings = uniform(series, name=name, interface=interface, notes=notes, account=account)
-    recordings = _with_slope(recordings, source, recordings[0].account)
+    recordings = _with_slope(recordings, source)
     recordings = recordings if account is None else _noted(recordings, account)
-    recordings = [gated_brake.substituted(r) for r in recordings] if gated else recordings
-    recordings = _of_what_is_there(recordings)
-    write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
-    return Imported(out, recordings)
+    return [gated_brake.substituted(r) for r in recordings] if gated else recordings
 
 
 def _of_what_is_there(recordings: list[Recording]) -> list[Recording]:

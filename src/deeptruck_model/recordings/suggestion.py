@@ -13,7 +13,17 @@ from numpy.typing import NDArray
 from deeptruck_core.errors import InputError
 from deeptruck_core.reading import plain
 from deeptruck_core.signals import TruckInterface
-from deeptruck_model.recordings.candidates import DEMANDS, FIELD, OURS, TOPIC, TYPE, Candidate, Proposal
+from deeptruck_model.recordings.candidates import (
+    DEMANDS,
+    FIELD,
+    OURS,
+    TOPIC,
+    TYPE,
+    Candidate,
+    Proposal,
+    rate,
+    span,
+)
 from deeptruck_model.recordings.channel_words import (
     COMMANDED,
     LEADER,
@@ -49,6 +59,20 @@ class Suggestion(Proposal):
             "# A line may have scale and offset too: scale: -1 turns a sign.",
         ]
         return "\n".join([*head, *(f"# DOUBTFUL: {line}." for line in self.doubts), *self.blocks()]) + "\n"
+
+    def listing(self) -> list[str]:
+        """Every topic and field with its range and the channels it may be, one line each."""
+        likely = {id(one.field): one for several in self.candidates.values() for one in several}
+        commanded = {id(one.field): one.channel for several in self.commanded.values() for one in several}
+        lines = []
+        for topic in self.survey.topics:
+            lines.append("  ".join(map(plain, (topic.name, topic.msgtype, topic.why or rate(topic)))))
+            for field in topic.fields:
+                one = likely.get(id(field))
+                channel = f"  {one.channel}, {one.unit or 'unit not known'}" if one else ""
+                channel = f"  commanded {commanded[id(field)]}" if id(field) in commanded else channel
+                lines.append(f"  {plain(field.path)}  {span(field)}{channel}")
+        return lines
 
     def absent(self, channel: str) -> str:
         """A remark that a quaternion is not a slope."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from deeptruck_core.account import Account
-from deeptruck_model.recordings import import_checks
+from deeptruck_model.recordings import importing
 from truck_bridge import can_logs
 from truck_bridge.can_logs.frames import Kind
 from truck_bridge.can_logs.reader import every
@@ -167,7 +167,7 @@ def test_frames_of_other_programs(tmp_path: Path, name: str) -> None:
     assert frames[-1].time - frames[0].time == pytest.approx(0.59, abs=1e-4)
     assert account.balanced and account.total.used == len(FRAMES)
     assert account.total.left_out == {"above.log": 2, "decoded.log": 3 * len(FRAMES)}.get(name, 0)
-    assert import_checks.is_can_log(path)
+    assert importing.is_can_log(path)
 
 
 def test_a_capture_names_its_interfaces(tmp_path: Path) -> None:

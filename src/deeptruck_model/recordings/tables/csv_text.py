@@ -1,4 +1,4 @@
-"""The text of a CSV file: its header, its delimiter, and which lines are rows."""
+"""The text of a CSV file: how it is written, where its header is, and which lines are rows."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import csv as text_csv
 import gzip
 import re
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +19,9 @@ from pyarrow import csv
 from deeptruck_core import reading
 from deeptruck_core.account import Account
 from deeptruck_core.errors import InputError
+from deeptruck_core.formats import check_measurement
+from deeptruck_model.recordings.tables.column import STATES, WITH_UNIT
+from deeptruck_model.recordings.tables.header_words import spelled
 
 DELIMITERS = ",;\t| "  # one of these is found by the header where none is given; blanks may be several
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
@@ -27,6 +31,11 @@ SAMPLED = 100  # rows by which the number of cells of a row is found
 RAGGED = "with more or fewer cells than the header"
 UNCLOSED = "inside a quotation mark that is not closed in its line"
 BLANK = "without a filled cell"
+LOOKED_AT = 1000  # lines in which header and delimiter are looked for
+MOST_HEAD = 2**20  # characters of those lines
+NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?%?$")
+_DATE = re.compile(r".*\d{1,4}[-./]\d{1,2}[-./]\d{1,4}|.*\d{1,2}:\d{2}")
+_OF_UNIT = re.compile(WITH_UNIT)
 
 
 @dataclass(frozen=True)
@@ -75,6 +84,109 @@ def _likely(data: bytes) -> str:
         return "cp1252" if re.search(rb"[\x80\x82-\x8c\x8e\x91-\x9c\x9e\x9f]", data) else "latin-1"
 
 
+def find_format(path: Path) -> Format:
+    """The format of a text table, by its beginning. Raises InputError for a file that is no text, or has no
+    header above rows of numbers."""
+    check_measurement(path)
+    try:
+        data, encoding = content(path, None)
+    except UnicodeError:
+        raise InputError(f"{path} is no text table but binary; export it as CSV or Parquet") from None
+    if not data.strip():
+        raise InputError(f"{path} is empty")
+    lines = data.decode()[:MOST_HEAD].split("\n")[:LOOKED_AT]
+    blanks = single_blanks("\n".join(lines).encode()).decode().split("\n")
+    found = {mark: _header(blanks if mark == " " else lines, mark) for mark in DELIMITERS}
+    best = max(found, key=lambda mark: (found[mark][1] > 0, mark != " ", *found[mark][:2]))
+    columns, rows, header = found[best]
+    if columns < 2:
+        raise InputError(
+            f"{path} is no table: none of its first {LOOKED_AT} lines has two cells of numbers or dates; "
+            "write COLUMNS.yaml by hand (docs/recordings.md)"
+        )
+    if rows == 0:
+        first = next((k for k, line in enumerate(lines) if len(line.split(best)) == columns), 0)
+        raise InputError(
+            f"{path} has no header: add a line with the columns' names above its numbers"
+            f"{_listed(lines[:first], columns, best)}"
+        )
+    return Format(best, encoding, header, described=_described(lines[:header], columns))
+
+
+def _described(above: Sequence[str], columns: int) -> tuple[str, ...]:
+    """As many lines above the header as it has columns, between blank lines or [sections]; () for none."""
+    block: list[str] = []
+    for line in [*map(str.strip, above), ""]:
+        if line and not line.startswith("["):
+            block.append(line)
+        elif len(block) == columns:
+            return tuple(block)
+        else:
+            block = []
+    return ()
+
+
+def _listed(above: Sequence[str], columns: int, delimiter: str) -> str:
+    """The header to add, if lines above the numbers list the names of the columns as 'Channel : Speed'."""
+    pairs = [[part.strip() for part in line.split(":", 1)] for line in above if ":" in line]
+    keys = [key for key, _ in pairs]
+    for key in dict.fromkeys(keys):
+        if keys.count(key) in (columns - 1, columns):
+            names = [name for other, name in pairs if other == key]
+            names = ["Time"] * (columns - len(names)) + names
+            return f" in line {len(above) + 1}: {delimiter.join(map(reading.plain, names))}"
+    return ""
+
+
+def _header(lines: Sequence[str], delimiter: str) -> tuple[int, int, int]:
+    """For one delimiter: cells in a row of numbers, names in the header (0 without one), lines before it."""
+    rows = []
+    for line in lines:
+        try:
+            written = next(text_csv.reader([line.rstrip("\r")], delimiter=delimiter), [])
+        except text_csv.Error:
+            written = []
+        rows.append(without_mark([cell.strip() for cell in written]))
+    first = next((k for k in range(len(rows)) if _begins(rows, k)), None)
+    if first is None:
+        return 0, 0, 0
+    cells = len(rows[first])
+    names = [
+        sum(bool(cell) and not is_value(cell) for cell in row) if len(row) > 1 else 0 for row in rows[:first]
+    ]
+    least = max(min(2, cells - 1), min(cells, sum(map(bool, rows[first]))) // 2)
+    # the nearest line above with as many cells as the rows, else the one with most names
+    as_wide = [
+        k for k, row in enumerate(rows[:first]) if len(row) == cells and names[k] >= max(least, cells // 2)
+    ]
+    most = max(names, default=0)
+    header = as_wide[-1] if as_wide else names.index(most) if names else 0
+    if len(as_wide) > 1 and as_wide[-2] >= header - 2 and any(map(spelled, rows[header])):
+        header = as_wide[-2]  # above a row of units
+    return (cells, names[header], header) if names and names[header] >= least else (cells, 0, 0)
+
+
+def _begins(rows: Sequence[list[str]], first: int) -> bool:
+    """Whether rows of numbers begin here."""
+    if not _is_data(rows[first]):
+        return False
+    following = rows[first : first + 6]
+    following = [row for row in following if any(row)] if len(rows) < first + 6 else following
+    same = [row for row in following if _is_data(row) and abs(len(row) - len(rows[first])) <= 1]
+    return 2 * len(same) > len(following)
+
+
+def _is_data(row: Sequence[str]) -> bool:
+    values = sum(map(is_value, row))
+    return values >= 2 and 3 * values >= sum(map(bool, row))
+
+
+def is_value(cell: str) -> bool:
+    """Whether a cell is a number, a date or a time of day."""
+    words = ("nan", "inf", *STATES)
+    return cell.lower() in words or any(one.match(cell) for one in (NUMBER, _DATE, _OF_UNIT))
+
+
 class CsvText:
     """A text table: its header, and its lines as rows.
 
@@ -94,11 +206,6 @@ class CsvText:
         self.delimiter = delimiter or self._found_delimiter()
         self.header, self.begin = self._header(self.delimiter)
 
-    def header_below(self, lines: int) -> set[str]:
-        """The names in the line behind the first `lines`, if that is the header."""
-        self.skip_rows = lines
-        return {name.strip() for name in self._header(self._found_delimiter())[0]}
-
     def _found_delimiter(self) -> str:
         counts = {mark: len(self._header(mark)[0]) for mark in DELIMITERS.strip()}
         return "," if counts[","] > 1 else max(counts, key=lambda mark: counts[mark])
@@ -110,7 +217,7 @@ class CsvText:
         header = without_mark(next(filter(None, records), []))
         return [name.replace("\n", " ") for name in header], self.skip_rows + records.line_num
 
-    def read(self, cure: str) -> tuple[pa.Table, list[str], NDArray[np.int64]]:
+    def read(self) -> tuple[pa.Table, list[str], NDArray[np.int64]]:
         """The rows, the names of their columns, and the number of their lines, from 0 below the header."""
         if not any(line.strip() for line in self.lines[self.begin :]):
             raise InputError(f"{self.path} is empty: it has no rows below its header")
@@ -143,7 +250,7 @@ class CsvText:
                 put()
         put()
         if self.account.total.left_out > len(numbers):
-            self._refuse(first, cure)
+            self._refuse(first)
         columns = [pa.chunked_array(part, pa.string()) for part in parts]
         return pa.table(columns, [str(k) for k in range(len(names))]), names, np.array(numbers, np.int64)
 
@@ -190,8 +297,9 @@ class CsvText:
             return self.header
         return (self.header + [""] * count)[:count]
 
-    def _refuse(self, first: str, cure: str) -> None:
+    def _refuse(self, first: str) -> None:
         """Raises InputError for a table in which most rows do not fit the header."""
+        cure = "set 'delimiter', or 'skip_rows' where the header comes later"
         count, read, left = _filled(self.header), self.account.total.read, self.account.total.left_out
         few = "none" if left == read else f"only {read - left}"
         if count > 2 and first.endswith(f" with {count + 1}"):  # with two columns it is a decimal comma

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import csv as text_csv
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_core import reading
-from deeptruck_core.account import Account
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.consistency.impossible import impossible
-from deeptruck_model.recordings.tables.csv_text import CsvText, Format
 from deeptruck_model.recordings.tables.row_keys import key_of
-from deeptruck_model.recordings.tables.table_file import is_typed, read_table
+from deeptruck_model.recordings.tables.table_file import Table, find_form, read_table
 
 Array = NDArray[np.float64]
-
-MOST_BEFORE = 20  # lines in which the header of a leader or road is looked for
 
 
 def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
@@ -28,12 +23,7 @@ def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
     Lines before the header, the delimiter and the decimal mark are detected. Omitted rows are reported on
     stderr. Raises InputError with the line if a row has no number, or if `over` does not increase.
     """
-    reading.check_file(path, "give a CSV or Parquet table")
-    table = read_table(
-        path,
-        Format(skip_rows=_lines_before(path, over, of)),
-        cure=f"it needs a header with {over} and {of}, and rows of as many cells",
-    )
+    table = _table(path, over, of)
     if key := key_of(table, [table[of].values]):
         raise InputError(f"{path}: {key}; give a table of one of them")
     table = table.with_key(~np.isnan(table[over].values), over, (over,))
@@ -57,12 +47,10 @@ def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
     return x, y
 
 
-def _lines_before(path: Path, *names: str) -> int:
-    """Number of lines before the header with these names, 0 if there is none."""
-    if is_typed(path):
-        return 0
-    try:
-        text = CsvText(path, Format(), Account(str(path), "rows"))
-        return next((k for k in range(MOST_BEFORE) if text.header_below(k) >= set(names)), 0)
-    except (UnicodeError, OSError, text_csv.Error, EOFError):
-        return 0  # as read_table says
+def _table(path: Path, *names: str) -> Table:
+    """The table, whose header is its first line or is looked for."""
+    with suppress(InputError):
+        table = read_table(path)
+        if set(names) <= table.columns.keys():
+            return table
+    return read_table(path, find_form(path))

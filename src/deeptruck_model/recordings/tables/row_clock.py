@@ -16,10 +16,10 @@ from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.candidates import yaml_text
 from deeptruck_model.recordings.tables.column import MOST_ABOVE
 from deeptruck_model.recordings.tables.columns import Clock
+from deeptruck_model.recordings.tables.csv_text import NUMBER
 from deeptruck_model.recordings.tables.header_words import NO_TIME, TIME
 from deeptruck_model.recordings.tables.row_times import OF_DAY, is_iso, packed_format, timed, usual_formats
 from deeptruck_model.recordings.tables.table_file import Table
-from deeptruck_model.recordings.tables.table_form import NUMBER
 from deeptruck_model.recordings.units import TIME_UNITS
 
 Array = NDArray[np.float64]

@@ -1,9 +1,12 @@
-"""A table as arrays: its rows, clock and units settled once, with an account of what was left out."""
+"""A table as series of channels: its rows, clock and units settled once, with an account of what was left
+out.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +15,7 @@ from numpy.typing import NDArray
 from deeptruck_core.account import Account
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.extract import SIDEWAYS
-from deeptruck_model.recordings.interpolate import HELD
+from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, Series, period
 from deeptruck_model.recordings.tables.columns import Columns
 from deeptruck_model.recordings.tables.csv_text import RAGGED
 from deeptruck_model.recordings.tables.header_words import fits, sibling, spelled
@@ -24,18 +27,23 @@ from deeptruck_model.recordings.units import conversion
 
 Array = NDArray[np.float64]
 
+LEAST_RENEWALS = 20  # by which a value is seen to be held between them
+EVEN = 1.5  # times their median step that samples are apart at most, where no one is missing
+COARSE, SOONEST = 2.5, 0.6  # resolutions by which a coarse sensor changes; of the usual rows between renewals
+
 
 @dataclass(frozen=True)
 class Samples:
-    """The channels of a table: `time` (n,) in s since the first row, ascending, `values` (n,) of each channel
-    in its canonical unit, NaN where a row has none, and `begins`, the times at which a new piece begins.
+    """The channels of a table as series in canonical units; `time` (n,) are those of the rows in s since the
+    first, ascending, `cuts` the times at which a new piece begins, and `notes` how it was read.
 
-    `place` describes the row of a sample in the file, such as 'line 7'.
+    `place` describes a row in the file, such as 'line 7'.
     """
 
     time: Array
-    values: dict[str, Array]
-    begins: list[float]
+    series: dict[str, Series]
+    cuts: list[float]
+    notes: list[str]
     account: Account
     place: Callable[[int], str]
 
@@ -70,10 +78,24 @@ def read_samples(path: Path, meaning: Columns) -> Samples:
             table.account.remarks.append(
                 "rows are the clock: what lies behind one that was left out is too early"
             )
-    table, time, begins = timed(table, meaning.time)
+    table, time, cuts = timed(table, meaning.time)
     values = {channel: _values(table, channel, column) for channel, column in meaning.channels.items()}
     _check_pedals(table, meaning)
-    return Samples(time, values, begins, table.account, table.at)
+    for channel, step in meaning.split_at.items():
+        known = ~np.isnan(values[channel])
+        cuts = [*cuts, *time[known][1:][np.abs(np.diff(values[channel][known])) > step]]
+    notes: list[str] = []
+    series = {channel: _measured(channel, time, v, notes) for channel, v in values.items()}
+    for channel, column in meaning.channels.items():
+        if column.late_s:
+            stamped = len(series[channel].valid.time)
+            series[channel] = _on_time(channel, series[channel], column.late_s, _segments(time, cuts))
+            lost = stamped - len(series[channel].valid.time)
+            table.account.channel(channel).set_aside(
+                "outside their piece once put back by late_s", count=lost
+            )
+            notes.append(f"{channel} is stamped {column.late_s:g} s late and was put back")
+    return Samples(time, series, cuts, notes, table.account, table.at)
 
 
 def _check_pedals(table: Table, meaning: Columns) -> None:
@@ -110,3 +132,78 @@ def _values(table: Table, channel: str, column: Source) -> Array:
             f"{channel}: give it unit: {written}"
         )
     return column(values)
+
+
+def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Series:
+    """The channel's samples, without the blank rows between them if a slow sensor fills only some rows.
+
+    Samples that are evenly spaced in time lack none, whatever rows others add between them. A column that
+    alternates and then stops belongs to a sensor that failed and is not treated as slow.
+    """
+    valid = ~np.isnan(values)
+    renewed = np.zeros(0) if channel in (*HELD, *LATCHED) else renewals(values[valid])
+    if len(renewed):
+        rows = np.flatnonzero(valid)[renewed]
+        every = round(float(np.median(np.diff(rows))))
+        notes.append(
+            f"{channel} is renewed every {every} rows and held between them: taken where it is renewed"
+        )
+        return Series(time[rows], values[rows])
+    rows_apart, apart = np.diff(np.flatnonzero(valid)), np.diff(time[valid])
+    most = EVEN * float(np.median(apart)) if len(apart) else 0.0
+    ends = (time[valid][:1] - time[0] <= most).all() and (time[-1] - time[valid][-1:] <= most).all()
+    even = len(apart) > LEAST_RENEWALS and float(apart.max()) <= most and ends
+    if valid.all() or (len(rows_apart) and np.median(rows_apart) < 2.0 and not even):
+        if not valid.all():
+            notes.append(f"{channel} is invalid in {(~valid).sum()} rows of {len(values)}")
+        return Series(time, values)
+    notes.append(f"{channel} taken as sampled in the {valid.sum()} rows of {len(values)} that have it")
+    return Series(time[valid], values[valid])
+
+
+def renewals(values: Array) -> NDArray[np.int64]:
+    """Rows (k,) at which a value that is held between them was renewed; none if it is not held.
+
+    A sensor of coarse resolution also repeats its value, but for a varying number of rows, and then changes
+    by its resolution. A value that stays for longer than usual was renewed in between with the same number.
+    """
+    changes = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    apart = np.diff(changes[1:])
+    if len(apart) < LEAST_RENEWALS or (every := int(np.median(apart))) < 2:
+        return np.zeros(0, dtype=np.int64)
+    off = np.abs(apart - every * np.rint(apart / every))
+    regular = (off <= every // 10).mean() > 0.95
+    resolution = float(np.diff(np.unique(np.round(values, 9))).min())
+    coarse = float(np.median(np.abs(np.diff(values[changes])))) < COARSE * resolution
+    if not regular and (coarse or (apart < SOONEST * every).mean() > 0.05):
+        return np.zeros(0, dtype=np.int64)
+    runs = [(i, j, max(1, round((j - i) / every))) for i, j in pairwise([*changes, len(values)])]
+    return np.concatenate([i + (j - i) * np.arange(count) // count for i, j, count in runs])
+
+
+def _segments(time: Array, cuts: list[float]) -> Array:
+    """Starts of the contiguous segments of a table, ascending, followed by infinity."""
+    gap = max(GAP_S, GAP_PERIODS * period(time))
+    behind_gaps = time[1:][np.diff(time) > gap]
+    return np.unique(np.concatenate([time[:1], behind_gaps, cuts, [np.inf]]))
+
+
+def _on_time(channel: str, series: Series, late_s: float, segments: Array) -> Series:
+    """The series with corrected stamps.
+
+    A sample that would leave its segment is not valid in the next segment and is dropped; a NaN ends every
+    segment, so that no value is held into the next one. The speed's stamps are the clock of the recording,
+    which ends with a segment's last row.
+    """
+    own = period(series.time)
+    stamps, values = [np.zeros(0)], [np.zeros(0)]
+    for begin, end in pairwise(segments):
+        inside = (series.time >= begin) & (series.time < end)
+        if not inside.any():
+            continue
+        clock = channel == "speed"
+        moved = series.time[inside] - late_s
+        stays = (moved >= begin) & ((moved <= series.time[inside][-1]) if clock else (moved < end))
+        stamps += [moved[stays], *([] if clock else [np.minimum(moved[-1:] + own, end)])]
+        values += [series.values[inside][stays], *([] if clock else [np.array([np.nan])])]
+    return Series(np.concatenate(stamps), np.concatenate(values))

@@ -24,7 +24,7 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.formats import PARQUET
 from deeptruck_model.recordings.tables import mat_file
 from deeptruck_model.recordings.tables.column import MOST_ABOVE, Column, decimal_mark, has_mark
-from deeptruck_model.recordings.tables.csv_text import BLANK, SAMPLED, CsvText, Format
+from deeptruck_model.recordings.tables.csv_text import BLANK, SAMPLED, CsvText, Format, find_format
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -181,18 +181,14 @@ class Table:
         return table
 
 
-def read_table(
-    path: Path,
-    form: Format | None = None,
-    cure: str = "set 'delimiter', or 'skip_rows' where the header comes later",
-) -> Table:
+def read_table(path: Path, form: Format | None = None) -> Table:
     """A CSV file or, by its suffix, a Parquet or MAT file, in a format (see Format).
 
     A byte order mark overrides the encoding. Trailing delimiters of rows or the header are no columns; blank
     rows, repeated headers and totals are omitted, as are rows with more or fewer cells than the header. CSV
     has no checksum, so that a changed digit is not detected. Parquet's page checksums are verified if
-    present. Raises InputError for a file that is missing, empty, or not in that encoding, and, ending with
-    `cure`, if most rows do not fit the header.
+    present. Raises InputError for a file that is missing, empty, or not in that encoding, and if most rows do
+    not fit the header.
     """
     form = form or Format()
     check_table(path)
@@ -211,7 +207,7 @@ def read_table(
             rows = np.arange(table.num_rows)
         else:
             text = CsvText(path, form, account)
-            table, names, rows = text.read(cure)
+            table, names, rows = text.read()
             place = text.place
             delimiter = text.delimiter
     except (pa.ArrowException, UnicodeError, LookupError, OSError, text_csv.Error, EOFError) as error:
@@ -236,6 +232,12 @@ def read_table(
     if not len(found):
         raise InputError(f"{path} is empty: it has no rows below its header")
     return found
+
+
+def find_form(path: Path) -> Format:
+    """How a table is written. Raises InputError for a file that is missing or no table."""
+    check_table(path)
+    return Format() if is_typed(path) else find_format(path)
 
 
 def is_typed(path: Path) -> bool:

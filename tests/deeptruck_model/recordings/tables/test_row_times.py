@@ -143,19 +143,14 @@ def test_nanoseconds_apart_stay_apart(tmp_path: Path) -> None:
         ),
         (["2026-01-01 10:00"] * 2, {"format": "%d.%m.%Y"}, "of the format '%d.%m.%Y'; .* unit: iso}"),
         (["", ""], {"unit": "iso"}, "column 't' has no time; all its cells are blank"),
-        (["1.70000E+18"] * 9, {"unit": "ns"}, "all 9 rows have the time '1.70000E\\+18' in 't'"),
+        (["1.70000E+18"] * 9, {"unit": "ns"}, "the first 9 rows have '1.70000E\\+18'"),
         (
             [f"2026-08-05 10:00:{k // 10:02d}" for k in range(45)],
             {"unit": "iso"},
-            "'t' is stamped in whole seconds while rows come at about .* Hz .* set time: {rate_hz:",
+            r"times in 't' repeat .*: drop doubled rows, .* set time: {rate_hz: [\d.]+}",
         ),
-        (
-            [f"05.08.2026 10:{k // 60:02d}" for k in range(300)],
-            {"format": "%d.%m.%Y %H:%M"},
-            "stamped in whole minutes while rows come at about 1 Hz",
-        ),
-        ([k // 2 / 10 for k in range(40)], {"unit": "s"}, "times in 't' repeat .* drop doubled rows"),
-        ([k // 2 for k in range(40)], {"unit": "s"}, "whole seconds while rows come at about 2 Hz"),
+        ([f"05.08.2026 10:{k // 60:02d}" for k in range(300)], {"format": "%d.%m.%Y %H:%M"}, "rate_hz: 1}"),
+        ([k // 2 for k in range(40)], {"unit": "s"}, "rate_hz: 2}"),
     ],
 )
 def test_what_fails_is_named_with_its_value_and_the_keys(

@@ -240,7 +240,7 @@ def test_every_other_column_of_numbers_is_carried_once_its_line_counts(
     found = suggest_columns(path)
     several = (*found.candidates.values(), *found.commanded.values())
     likely = [one.field.path for many in several for one in many]
-    others = {c.name for c in found.columns} - {*likely, *found.clock.columns}
+    others = {c.name for c in found.table.numeric} - {*likely, *found.clock.columns}
     before, _, after = found.text().partition("# extra:\n")
     assert bool(after) == bool(others)
     columns = yaml.safe_load(before + "extra:\n" + after.replace("#   ", "  ")) if others else {}
@@ -336,7 +336,7 @@ def test_the_clock(tmp_path: Path, columns: dict[str, Sequence[str] | Array], li
         assert found.lacking[0].startswith("time has no line yet: ")
         assert "# time: {column: COLUMN, unit: s}   # or time: {rate_hz: 10}" in found.text()
     if "Zeit" in columns:
-        assert "whole seconds while rows come at about 10 Hz" in found.lacking[0]
+        assert "set time: {rate_hz: 10}" in found.lacking[0]
 
 
 def test_days_are_not_taken_for_months(tmp_path: Path) -> None:
