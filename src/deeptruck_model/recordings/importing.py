@@ -102,6 +102,8 @@ def check(
 ) -> Kind:
     """What `source` is read as. Raises InputError if it cannot be, by its kind and its description, or if
     `out` cannot be written."""
+    BAG.check(out, overwrite=overwrite)
+    apart(out, source)
     if not source.exists():
         raise InputError(f"{source} does not exist")
     mapping, form = _mapping(columns), format_of(source)
@@ -121,8 +123,6 @@ def check(
         check_measurement(source)
     if kind is Kind.TABLE:
         load_columns(columns)
-    BAG.check(out, overwrite=overwrite)
-    apart(out, source)
     return kind
 
 

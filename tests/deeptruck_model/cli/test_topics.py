@@ -169,7 +169,7 @@ def test_a_map_that_is_none_is_one_line(
         (("import", "mine", "--columns", "none.yaml", "--out", "out"), "none.yaml cannot be read"),
         (
             ("import", "mine", "--columns", "other.yaml", "--out", "out"),
-            "no message on /v, where the topic map",
+            "no topic /v for 'speed'",
         ),
         (
             ("import", "mine", "--columns", "other.yaml", "--out", "mine/out"),
