@@ -15,7 +15,7 @@ import harness
 import numpy as np
 
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.calibration import Calibration, calibrate
+from deeptruck_model.mismatch.correction.calibration import Calibration, calibrate
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import driving_cycles

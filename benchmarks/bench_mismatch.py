@@ -32,12 +32,11 @@ from deeptruck_exam.scoring.evaluation import arrays, open_loop
 from deeptruck_exam.tool import excluded
 from deeptruck_model import simulators
 from deeptruck_model.mismatch import Mismatch
-from deeptruck_model.mismatch.called import called
-from deeptruck_model.mismatch.comparison import Compared
-from deeptruck_model.mismatch.find import compared, concluded
+from deeptruck_model.mismatch.find import called, compared, concluded
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
+from deeptruck_model.mismatch.mechanisms.families import FAMILY, LEFT_OVER, ROOT, UNKNOWN
+from deeptruck_model.mismatch.posterior.comparison import Compared
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import FAMILY, LEFT_OVER, ROOT, UNKNOWN
 
 NULL = "nothing_missing"
 NO_NAME = ("input_not_recorded", "each_drive_differs")  # levels at which no name is right

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_exam.cases.build import DT
-from deeptruck_model.mismatch.comparison import Compared
+from deeptruck_model.mismatch.posterior.comparison import Compared
 from deeptruck_model.mismatch.posterior.kernels import Kernel
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, Reduced, State, most_probable

@@ -29,11 +29,10 @@ deeptruck_model.compare: naming | deeptruck_model/compare/test_comparison.py
 deeptruck_model.deep: card preparation | deeptruck_model/deep/test_training.py
 deeptruck_model.deep.kernels: inference layers | deeptruck_model/deep/test_truck.py
 deeptruck_model.fmu: description variables | deeptruck_model/fmu/test_foreign.py
-deeptruck_model.mismatch: evidence_by_name | deeptruck_model/fleet/test_compare.py
-deeptruck_model.mismatch: called | deeptruck_model/mismatch/test_find.py
-deeptruck_model.mismatch: sizes strength | deeptruck_model/mismatch/verdict/test_findings.py
-deeptruck_model.mismatch: excluded | deeptruck_model/mismatch/test_flow.py
-deeptruck_model.mismatch.expression: memory places | deeptruck_model/mismatch/expression/test_expression.py
+deeptruck_model.mismatch.correction: strength | deeptruck_model/mismatch/verdict/test_findings.py
+deeptruck_model.mismatch.verdict: sizes | deeptruck_model/mismatch/verdict/test_findings.py
+deeptruck_model.mismatch.residual.expression: memory | deeptruck_model/mismatch/residual/test_expression.py
+deeptruck_model.mismatch.residual.expression: places | deeptruck_model/mismatch/residual/test_expression.py
 deeptruck_model.mismatch.mechanisms: brakes commands | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
 deeptruck_model.mismatch.mechanisms: driveline engine | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
 deeptruck_model.mismatch.mechanisms: engine_drag load | deeptruck_model/mismatch/mechanisms/test_mechanisms.py

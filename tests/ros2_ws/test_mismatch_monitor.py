@@ -15,8 +15,8 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model import simulators
 from deeptruck_model.mismatch import adapt
+from deeptruck_model.mismatch.mechanisms.families import NAMES
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import NAMES
 from deeptruck_model.recordings import read
 from deeptruck_nodes import run_checks
 

@@ -183,7 +183,7 @@ def _compare(target: Place, who: Workers, hours: float | None, units: str) -> No
 def _pool(target: Place, trucks: Path | None, level: float) -> None:
     from deeptruck_model.fleet.plan import trucks as table
     from deeptruck_model.fleet.pool import headline, pool
-    from deeptruck_model.mismatch.report.wording import opened, spoken
+    from deeptruck_model.mismatch.verdict.wording import opened, spoken
 
     found = pool(target, table(trucks), level)
     print(*(f"{opened(line)}." for line in headline(found)), sep="\n")

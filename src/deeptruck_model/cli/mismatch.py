@@ -168,7 +168,7 @@ def _own(file: Path | None) -> tuple[Mechanism, ...]:
 def _check_excluded(names: list[str]) -> None:
     """Raises InputError for an unknown effect, before long recordings are read."""
     if names:
-        from deeptruck_model.mismatch.excluded import check_excluded
+        from deeptruck_model.mismatch.mechanisms.families import check_excluded
 
         check_excluded(names)
 

@@ -20,7 +20,7 @@ from deeptruck_model.outside.reference import is_outside, made, refer
 from deeptruck_model.outside.truck import lacks
 
 if TYPE_CHECKING:
-    from deeptruck_model.mismatch.calibration import Calibration
+    from deeptruck_model.mismatch.correction.calibration import Calibration
     from deeptruck_model.recordings import Recording
     from deeptruck_model.simulators.protocol_check import Row
 
@@ -89,7 +89,7 @@ def _driven(simulator: str, changed: Path | None) -> list[Row]:
     table = protocol_check.examine(truck)
     if protocol_check.missing(table):
         return table
-    from deeptruck_model.mismatch import identifiable
+    from deeptruck_model.mismatch.residual import identifiable
 
     return [*table, *identifiable.rows(truck)]
 
@@ -146,7 +146,7 @@ def calibrate_truck(
     if not isinstance(given, PhysicsTruck):
         raise InputError(f"{truck} is no physics truck; 'deeptruck-model mismatch' refits other simulators")
     with progress("reading") as say:
-        from deeptruck_model.mismatch.calibration import calibrate
+        from deeptruck_model.mismatch.correction.calibration import calibrate
         from deeptruck_model.recordings.consistency import gears
 
         fit, held = (
@@ -177,7 +177,7 @@ def _check_no_worse(found: Calibration) -> None:
 
 def _stated_mass(found: Calibration, recordings: Sequence[Recording]) -> Iterator[str]:
     """Remarks if the mass stated by recordings is outside the interval from their drives."""
-    from deeptruck_model.mismatch.unrecorded import contradicted_mass
+    from deeptruck_model.mismatch.correction.model import contradicted_mass
 
     for p in found.parameters:
         if p.name == "mass" and p.ci95 is not None:

@@ -120,7 +120,7 @@ def _compared(job: Comparison) -> dict[str, Any]:
     from deeptruck_model import simulators
     from deeptruck_model.fleet.slopes import COLUMNS, SLOPES, slopes, written
     from deeptruck_model.mismatch import find_mismatch
-    from deeptruck_model.mismatch.evidence_by_name import evidence_by_name
+    from deeptruck_model.mismatch.find import evidence_by_name
     from deeptruck_model.mismatch.folders import apply_command
     from deeptruck_model.mismatch.output import fill
 

@@ -20,8 +20,8 @@ from deeptruck_model.fleet.extract import INDEX
 from deeptruck_model.fleet.pool import POOLED, headline
 from deeptruck_model.fleet.roads import MERGED, NUMBERS, ROADS, TABLE, road_map, said
 from deeptruck_model.fleet.storage import Place
-from deeptruck_model.mismatch.report.wording import opened, spoken
-from deeptruck_model.mismatch.tree import NAMES, UNKNOWN
+from deeptruck_model.mismatch.mechanisms.families import NAMES, UNKNOWN
+from deeptruck_model.mismatch.verdict.wording import opened, spoken
 
 PAGE = "fleet.html"
 MARK = '<meta name="generator" content="deeptruck-model fleet show">'

@@ -32,7 +32,7 @@ from deeptruck_model.fleet.statistics import (
     total,
 )
 from deeptruck_model.fleet.storage import Place
-from deeptruck_model.mismatch.tree import FAMILY
+from deeptruck_model.mismatch.mechanisms.families import FAMILY
 
 POOLED, SERIES = "pool.json", "series.json"
 Z95 = 1.96

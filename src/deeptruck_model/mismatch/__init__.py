@@ -10,12 +10,12 @@ from deeptruck_core.imports.lazy import names
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, load_directory
     from deeptruck_model.mismatch.find import find_mismatch
-    from deeptruck_model.mismatch.found import Mismatch
     from deeptruck_model.mismatch.live.adaptation import adapt
     from deeptruck_model.mismatch.mechanisms import LIBRARY
     from deeptruck_model.mismatch.output import apply, read, summary, write
-    from deeptruck_model.mismatch.prepare import Span
-    from deeptruck_model.mismatch.result import Verdict
+    from deeptruck_model.mismatch.prepare.drives import Span
+    from deeptruck_model.mismatch.report.found import Mismatch
+    from deeptruck_model.mismatch.verdict.result import Verdict
 
 __all__ = [
     "LIBRARY",
@@ -38,10 +38,10 @@ __getattr__ = names(
         "live.adaptation": ("adapt",),
         "correction.corrected_truck": ("CorrectedTruck", "load_directory"),
         "find": ("find_mismatch",),
-        "found": ("Mismatch",),
+        "report.found": ("Mismatch",),
         "mechanisms": ("LIBRARY",),
         "output": ("apply", "read", "summary", "write"),
-        "prepare": ("Span",),
-        "result": ("Verdict",),
+        "prepare.drives": ("Span",),
+        "verdict.result": ("Verdict",),
     },
 )

@@ -5,36 +5,43 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from deeptruck_core.errors import InputError
 from deeptruck_core.terminal.progress import steps
-from deeptruck_model.mismatch.budget import budget
-from deeptruck_model.mismatch.called import called
-from deeptruck_model.mismatch.comparison import Compared
+from deeptruck_model.checks import calls, mass
 from deeptruck_model.mismatch.correction.model import Correction, correct
 from deeptruck_model.mismatch.correction.validate import Validated, validate
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
-from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
+from deeptruck_model.mismatch.mechanisms.families import check_excluded, joined
 from deeptruck_model.mismatch.mechanisms.own import check_extras, checked, not_compared
-from deeptruck_model.mismatch.names import names
+from deeptruck_model.mismatch.posterior.budget import budget
+from deeptruck_model.mismatch.posterior.comparison import Compared
 from deeptruck_model.mismatch.posterior.events import without_events
+from deeptruck_model.mismatch.posterior.names import names
+from deeptruck_model.mismatch.posterior.posterior import gains
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters, with_own_error
-from deeptruck_model.mismatch.prepare import PreparedDrives, Span, left_to_compare, prepare_drives
-from deeptruck_model.mismatch.report import wording
+from deeptruck_model.mismatch.prepare.drives import PreparedDrives, Span, prepare_drives
+from deeptruck_model.mismatch.prepare.prepared import Prepared
+from deeptruck_model.mismatch.report.found import Mismatch
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import COMPARING, gather
-from deeptruck_model.mismatch.roads.road import road
-from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import joined
+from deeptruck_model.mismatch.residual.unrecorded import left_to_compare
+from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.verdict import wording
 from deeptruck_model.mismatch.verdict.conclude import Stated, conclude, tolerated, tree, unusable
 from deeptruck_model.mismatch.verdict.findings import findings
+from deeptruck_model.mismatch.verdict.road import road
 from deeptruck_model.mismatch.verdict.where import located
 from deeptruck_model.mismatch.verdict.witnesses import witnesses
 from deeptruck_model.recordings import Recording
-from deeptruck_model.recordings.several import Drives
-from deeptruck_model.simulators import MinimalSimulator, Simulator
+from deeptruck_model.recordings.several import Drives, check_paths_apart, drives
+from deeptruck_model.recordings.splits import refuse_shared
+from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
 from deeptruck_model.simulators.running import said_of_rollout
 
 
@@ -158,3 +165,89 @@ def _caveats(simulator: Simulator, e: Evidence) -> Iterator[str]:
         yield wording.COUNTS_AS_LEARNED
     if not e.mass_known:
         yield wording.WITHOUT_MASS
+
+
+def called(
+    simulator: Any,
+    recordings: Any,
+    held_out: Any,
+    *,
+    seed: Any,
+    exclude: Any,
+    without: Any,
+    say: Any,
+    rules: Any,
+    mass_kg: Any,
+) -> tuple[Simulator, list[Recording], list[Recording]]:
+    """The simulator, and the recordings to fit and to hold out, read from bags if these were given.
+
+    Raises InputError for invalid arguments.
+    """
+    calls.integer(seed, "seed")
+    calls.instance(rules, Rules, "rules", "change single ones by Rules(speed_scale=...)")
+    if say is not None and not isinstance(say, Callable):  # type: ignore[arg-type]
+        raise InputError(f"say must be a function of a text, such as print, not {calls.shown(say)}")
+    if mass_kg is not None:
+        calls.number(mass_kg, "mass_kg", "kg")
+    if isinstance(exclude, str):
+        raise InputError(f"exclude must be a list of effects: exclude=[{exclude!r}]")
+    check_excluded(exclude)
+    check_paths_apart(recordings, held_out)
+    truck = completed(simulator)
+    _check_mass(truck, mass_kg)
+    rate = 1.0 / truck.dt
+    fit = drives(recordings, "recordings", rate_hz=rate, among=held_out)
+    held = drives(held_out, "held_out", rate_hz=rate, among=recordings)
+    refuse_shared(fit, held)
+    _check_spans(without, [*fit, *held])
+    return truck, fit, held
+
+
+def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:
+    if mass_kg is None:
+        return
+    mass(mass_kg)
+    own = simulator.parameters().get("mass")
+    if own is not None and abs(mass_kg - own) > 1e-6 * own:
+        raise InputError(f"the simulator's own mass is {own:g} kg; leave --mass-kg out, or set its parameter")
+
+
+def _check_spans(without: Any, recordings: Sequence[Recording]) -> None:
+    if not isinstance(without, Sequence) or not all(isinstance(span, Span) for span in without):
+        raise InputError(f"without must be a list of Span(NAME, FROM_S, TO_S), not {calls.shown(without)}")
+    names = list(dict.fromkeys(r.name for r in recordings))
+    for span in without:
+        if span.recording not in names:
+            raise InputError(
+                f"there is no recording '{span.recording}' to leave rows out of; there are {', '.join(names)}"
+            )
+
+
+def evidence_by_name(
+    simulator: MinimalSimulator,
+    recordings: Sequence[Recording],
+    held_out: Sequence[Recording],
+    *,
+    seed: int = 0,
+    rules: Rules = Rules(),
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Log evidence (nats) of each name over no effect, separately for the recordings and the held-out ones.
+
+    Neither result depends on the other's noise. Empty for a part with less than a minute that can be
+    compared. Raises InputError if a recording does not belong to the simulator.
+    """
+    simulator = completed(simulator)
+    with threadpool_limits(1):
+        drives = prepare_drives(simulator, recordings, held_out, rules)
+        fit, held = (_nats(simulator, drives.part(out), seed, rules) for out in (False, True))
+    return fit, held
+
+
+def _nats(simulator: Simulator, drives: Sequence[Prepared], seed: int, rules: Rules) -> dict[str, float]:
+    if sum(float(p.valid.sum()) * p.dt for p in drives) < Limits.least_driving_s:
+        return {}
+    e = gather(simulator, drives, [False] * len(drives), seed=seed, rules=rules)
+    if float(e.valid.sum()) * e.dt < Limits.least_driving_s:
+        return {}
+    search = Regression(with_own_error(simulator, e, drives[0].measured_acceleration, seed))
+    return gains(search)

@@ -23,9 +23,9 @@ from deeptruck_model.mismatch.folders import (
     apply_command,
     read_verdict,
 )
-from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.report import lines, page
-from deeptruck_model.mismatch.result import Verdict
+from deeptruck_model.mismatch.report.found import Mismatch
+from deeptruck_model.mismatch.verdict.result import Verdict
 from deeptruck_model.results import FOUND
 
 

@@ -15,7 +15,7 @@ from deeptruck_exam.plants.fastsim_equations import LineHaul, make
 from deeptruck_exam.tool import ToolRun
 from deeptruck_model import simulators
 from deeptruck_model.mismatch.correction.added import Added, TruckWithForces
-from deeptruck_model.mismatch.expression import Signal
+from deeptruck_model.mismatch.residual.expression import Signal
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import protocol_check
 

@@ -15,7 +15,7 @@ from deeptruck_core.errors import InputError
 from deeptruck_model import evaluate, find_mismatch, load, mismatch, read, recordings, train, trucks
 from deeptruck_model.compare import compare
 from deeptruck_model.mismatch import Span
-from deeptruck_model.mismatch.called import called
+from deeptruck_model.mismatch.find import called
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.trucks import driving_cycles
 

@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 
 from deeptruck_model import trucks
+from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, SLOW
 from deeptruck_model.mismatch.posterior import kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
-from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import driving_cycles
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from deeptruck_model import cli, recordings, trucks
-from deeptruck_model.mismatch import effects_table
+from deeptruck_model.mismatch.mechanisms import effects_table
 from deeptruck_model.trucks import driving_cycles
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -29,7 +29,7 @@ PROMISED = (
 
 def test_the_table_is_the_library() -> None:
     inside = f"<!-- effects: begin -->\n{effects_table.table()}\n<!-- effects: end -->"
-    assert inside in EFFECTS.read_text(), "run: python -m deeptruck_model.mismatch.effects_table"
+    assert inside in EFFECTS.read_text(), "run: python -m deeptruck_model.mismatch.mechanisms.effects_table"
 
 
 @pytest.mark.parametrize("effect", PROMISED)

@@ -15,7 +15,7 @@ from small_drives import TRUCK, LazyBrake, drives
 from deeptruck_core.errors import InputError
 from deeptruck_model import mismatch
 from deeptruck_model.mismatch import Mismatch, find_mismatch
-from deeptruck_model.mismatch.prepare import LEFT_OUT
+from deeptruck_model.mismatch.prepare.drives import LEFT_OUT
 from deeptruck_model.mismatch.report import lines
 
 SCHEMA = json.loads(importlib.resources.files(mismatch).joinpath("verdict.schema.json").read_text())

@@ -12,8 +12,8 @@ import pytest
 from deeptruck_core.constants import GRAVITY
 from deeptruck_model import trucks
 from deeptruck_model.mismatch import find_mismatch
-from deeptruck_model.mismatch.report.wording import COUNTS_AS_LEARNED
-from deeptruck_model.mismatch.result import Conclusion
+from deeptruck_model.mismatch.verdict.result import Conclusion
+from deeptruck_model.mismatch.verdict.wording import COUNTS_AS_LEARNED
 from deeptruck_model.simulators import Run
 from deeptruck_model.trucks import PhysicsTruck, driving_cycles
 

@@ -16,8 +16,8 @@ from deeptruck_model.mismatch.live.monitor import Located, Monitor, Sample
 from deeptruck_model.mismatch.live.own import UNITS, Own
 from deeptruck_model.mismatch.live.questions import NamesReply, Question, Reply
 from deeptruck_model.mismatch.live.window import Window
-from deeptruck_model.mismatch.report.wording import percent, spoken
-from deeptruck_model.mismatch.tree import ROOT
+from deeptruck_model.mismatch.mechanisms.families import ROOT
+from deeptruck_model.mismatch.verdict.wording import percent, spoken
 from deeptruck_nodes import messages
 from deeptruck_nodes.messages import SECOND, nanoseconds
 from deeptruck_nodes.node import DeeptruckNode, run

@@ -67,13 +67,13 @@ class Topic:
 
 # The library of mechanisms takes longer to import than all else a node needs, and few nodes need its names.
 def _probable() -> tuple[str, ...]:
-    from deeptruck_model.mismatch.tree import NAMES
+    from deeptruck_model.mismatch.mechanisms.families import NAMES
 
     return (*NAMES, *(name for names in NAMES.values() for name in names), "unknown", "nothing")
 
 
 def _budget() -> tuple[str, ...]:
-    from deeptruck_model.mismatch.tree import PARTS
+    from deeptruck_model.mismatch.mechanisms.families import PARTS
 
     return ("speed_rmse", "horizon_s", *PARTS)
 

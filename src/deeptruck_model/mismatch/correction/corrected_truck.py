@@ -18,13 +18,13 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.json_data import from_json, to_json
 from deeptruck_core.signals import FELT, TruckInterface
 from deeptruck_model.mismatch.correction.added import Added, State, TruckWithForces
-from deeptruck_model.mismatch.expression import Expression, Rerun
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, build, saved
 from deeptruck_model.mismatch.mechanisms.carriers import CARRIERS
+from deeptruck_model.mismatch.mechanisms.families import joined
 from deeptruck_model.mismatch.mechanisms.own import EXTRA
 from deeptruck_model.mismatch.residual import effective_mass
 from deeptruck_model.mismatch.residual.components import Shares, force_of
-from deeptruck_model.mismatch.tree import joined
+from deeptruck_model.mismatch.residual.expression import Expression, Rerun
 from deeptruck_model.outside.truck import keep
 from deeptruck_model.simulators import MANIFEST, Run, Simulator, run
 from deeptruck_model.simulators import load as load_simulator

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term, confined, merge
 from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, conditions
+from deeptruck_model.mismatch.mechanisms.families import UNKNOWN
 from deeptruck_model.mismatch.mechanisms.record import Mechanism
-from deeptruck_model.mismatch.names import Named
 from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
+from deeptruck_model.mismatch.posterior.names import Named
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Prior
 from deeptruck_model.mismatch.rules import Limits
-from deeptruck_model.mismatch.tree import UNKNOWN
 
 Array = NDArray[np.float64]
 

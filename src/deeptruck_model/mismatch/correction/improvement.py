@@ -12,9 +12,10 @@ from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_model.mismatch.correction import side_by_side
 from deeptruck_model.mismatch.correction.added import TruckWithForces
 from deeptruck_model.mismatch.correction.corrected_truck import EXOGENOUS
-from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
-from deeptruck_model.mismatch.fit_result import Errors, FreeRunErrors, Improvement, Interval
+from deeptruck_model.mismatch.correction.fit_result import Errors, FreeRunErrors, Improvement, Interval
 from deeptruck_model.mismatch.mechanisms.own import EXTRA
+from deeptruck_model.mismatch.prepare.prepared import Prepared
+from deeptruck_model.mismatch.prepare.runs import fed, padded
 from deeptruck_model.mismatch.residual.evidence import turns
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Simulator, run

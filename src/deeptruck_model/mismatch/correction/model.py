@@ -13,18 +13,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.correction.fit_result import Interval, Refitted
 from deeptruck_model.mismatch.correction.forms import (
     NamedForce,
     named_forces,
     nameless_terms,
     simplest_terms,
 )
-from deeptruck_model.mismatch.fit_result import Refitted
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.carriers import factors
+from deeptruck_model.mismatch.mechanisms.families import UNKNOWN
 from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
+from deeptruck_model.mismatch.posterior.comparison import Compared
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, PINNED, Model, Regression
 from deeptruck_model.mismatch.posterior.relinearise import about_the_mean
@@ -33,8 +34,7 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Z95, ridge
 from deeptruck_model.mismatch.residual.sensitivity import accepted
 from deeptruck_model.mismatch.rules import Limits, Rules
-from deeptruck_model.mismatch.tree import UNKNOWN
-from deeptruck_model.mismatch.unrecorded import contradicted_mass
+from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
@@ -338,3 +338,15 @@ def _truck(simulator: Simulator, search: Regression, model: Model) -> CorrectedT
     return CorrectedTruck(
         simulator, terms, change, Shares.if_unreported(e), False, e.gears, factors(e.moved, change)
     )
+
+
+def contradicted_mass(recordings: Sequence[Recording], mass_kg: float, ci95_kg: Interval) -> Iterator[str]:
+    """Remarks on recorded masses outside the interval `ci95_kg` that the drives give, kg."""
+    low, high = ci95_kg
+    for r in recordings:
+        if r.interface.mass_kg is not None and not low <= r.interface.mass_kg <= high:
+            yield (
+                f"{r.name} states a mass of {r.interface.mass_kg / 1000:.1f} t, and the drives show "
+                f"{mass_kg / 1000:.1f} t ({low / 1000:.1f} to {high / 1000:.1f}, 95 %)"
+            )
+            return

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
+from deeptruck_model.mismatch.correction.fit_result import Errors, FitResult, WithoutExogenous
 from deeptruck_model.mismatch.correction.improvement import (
     free_run_errors,
     free_runs,
@@ -19,14 +20,13 @@ from deeptruck_model.mismatch.correction.improvement import (
     interval,
 )
 from deeptruck_model.mismatch.correction.model import Correction
-from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.fit_result import Errors, FitResult, WithoutExogenous
+from deeptruck_model.mismatch.correction.strength import strength
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.posterior.relinearise import own_drives
-from deeptruck_model.mismatch.prepare import PreparedDrives
+from deeptruck_model.mismatch.prepare.drives import PreparedDrives
+from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits, Rules
-from deeptruck_model.mismatch.strength import strength
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]

@@ -19,16 +19,16 @@ from deeptruck_core.constants import GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_core.vehicle_kinds import STEEPEST
 from deeptruck_model.checks import calls
-from deeptruck_model.mismatch import unrecorded
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.data import checks
-from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, same_signals
 from deeptruck_model.mismatch.live.own import Own, Quantity, State
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, candidate_term, variant
 from deeptruck_model.mismatch.posterior.kernels import Kernel
 from deeptruck_model.mismatch.posterior.posterior import DRIFT_ODDS, Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.posterior.relinearise import with_own_error
+from deeptruck_model.mismatch.prepare import checks
+from deeptruck_model.mismatch.prepare.prepared import Prepared, learned, prepare, same_signals
+from deeptruck_model.mismatch.residual import unrecorded
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.noise import Z95

@@ -14,14 +14,15 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
-from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.find import compared
 from deeptruck_model.mismatch.live.adaptation import adapt, with_own
 from deeptruck_model.mismatch.live.own import Own
 from deeptruck_model.mismatch.live.questions import NamesReply, Question, Reply
+from deeptruck_model.mismatch.mechanisms.families import ROOT, UNKNOWN
+from deeptruck_model.mismatch.posterior.comparison import Compared
+from deeptruck_model.mismatch.posterior.names import Node
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import ROOT, UNKNOWN, Node
 from deeptruck_model.mismatch.verdict import conclude
 from deeptruck_model.mismatch.verdict.findings import findings
 from deeptruck_model.recordings import Recording

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_core.vehicle_kinds import LEAST_SPEED
-from deeptruck_model.mismatch.data.checks import noise_of
-from deeptruck_model.mismatch.data.prepared import fed_back, quantum
+from deeptruck_model.mismatch.prepare.checks import noise_of
+from deeptruck_model.mismatch.prepare.prepared import quantum
+from deeptruck_model.mismatch.prepare.runs import fed_back
 from deeptruck_model.mismatch.residual.gather import JITTER_RUNS
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.simulators import Simulator

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from deeptruck_model.mismatch.live.own import Own
-from deeptruck_model.mismatch.tree import ROOT, Node
+from deeptruck_model.mismatch.mechanisms.families import ROOT
+from deeptruck_model.mismatch.posterior.names import Node
 from deeptruck_model.recordings.resample import Received
 
 

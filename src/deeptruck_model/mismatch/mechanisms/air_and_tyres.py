@@ -7,16 +7,6 @@ from collections.abc import Iterable
 import numpy as np
 
 from deeptruck_core.signals import FELT
-from deeptruck_model.mismatch.expression import (
-    Expression,
-    Lag,
-    Signal,
-    absolute,
-    exp,
-    lift,
-    maximum,
-    minimum,
-)
 from deeptruck_model.mismatch.mechanisms.courses import always, each_drive, each_wind, from_moments, slowly
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, force, grid
 from deeptruck_model.mismatch.mechanisms.symbols import (
@@ -32,6 +22,16 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     quantile,
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import (
+    Expression,
+    Lag,
+    Signal,
+    absolute,
+    exp,
+    lift,
+    maximum,
+    minimum,
+)
 
 NOBODY_M = 1e4  # a gap behind nobody
 FAR_M = 150.0  # the same, on a curve

@@ -6,7 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from deeptruck_model.mismatch.expression import (
+from deeptruck_model.mismatch.mechanisms.commands import FULL_RANGE_S
+from deeptruck_model.mismatch.mechanisms.courses import always, each_drive, from_moments, slowly
+from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, force, grid
+from deeptruck_model.mismatch.mechanisms.symbols import ACTS, BRAKE, BRAKED_AGO, DISTANCE, SPEED, over
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import (
     Expression,
     Lag,
     Rerun,
@@ -17,11 +22,6 @@ from deeptruck_model.mismatch.expression import (
     maximum,
     minimum,
 )
-from deeptruck_model.mismatch.mechanisms.commands import FULL_RANGE_S
-from deeptruck_model.mismatch.mechanisms.courses import always, each_drive, from_moments, slowly
-from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, force, grid
-from deeptruck_model.mismatch.mechanisms.symbols import ACTS, BRAKE, BRAKED_AGO, DISTANCE, SPEED, over
-from deeptruck_model.mismatch.residual.evidence import Evidence
 
 HEAT_CAPACITY = 12.5  # J/kg/K: about 500 kg of drums at 500 J/kg/K under 20 t
 COOLING_S = (40.0, 120.0, 400.0, 1200.0)

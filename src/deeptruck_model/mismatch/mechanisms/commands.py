@@ -8,9 +8,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from deeptruck_core.constants import GRAVITY
-from deeptruck_model.mismatch.expression import Rerun, lift
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Form, Mechanism, grid
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import Rerun, lift
 
 DELAYS_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.25)
 APART_S = (0.15, 0.3, 0.5, 0.8, 1.25)  # of engine and brake, where each has a line of its own

@@ -12,9 +12,17 @@ from typing import Literal
 
 import numpy as np
 
-from deeptruck_model.mismatch.expression import AtPlace, Expression, InRecording, Knot, Signal, lift, tanh
 from deeptruck_model.mismatch.mechanisms.symbols import CRAWL_SPEED, PLACE
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import (
+    AtPlace,
+    Expression,
+    InRecording,
+    Knot,
+    Signal,
+    lift,
+    tanh,
+)
 from deeptruck_model.mismatch.rules import Limits
 
 Along = Literal["elapsed", "distance"]

@@ -7,17 +7,6 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from deeptruck_model.mismatch.expression import (
-    Change,
-    Lag,
-    Play,
-    Since,
-    absolute,
-    exp,
-    lift,
-    maximum,
-    minimum,
-)
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, force, grid
 from deeptruck_model.mismatch.mechanisms.symbols import (
     ACTS,
@@ -41,6 +30,17 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     ratio_reference,
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import (
+    Change,
+    Lag,
+    Play,
+    Since,
+    absolute,
+    exp,
+    lift,
+    maximum,
+    minimum,
+)
 
 SOON = (0.02, 0.12, 0.25, 0.4, 0.55, 0.75, 0.98)  # quantiles of seconds
 LOCKED_M_S = 12.0  # faster, no truck's converter slips

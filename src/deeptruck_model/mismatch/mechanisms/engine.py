@@ -6,7 +6,6 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from deeptruck_model.mismatch.expression import Expression, Lag, RisingLag, Signal, maximum, minimum
 from deeptruck_model.mismatch.mechanisms.courses import slowly
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, grid
 from deeptruck_model.mismatch.mechanisms.symbols import (
@@ -26,6 +25,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     torque_of,
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import Expression, Lag, RisingLag, Signal, maximum, minimum
 
 TAUS_S = (0.4, 0.8, 1.6, 3.0)
 BOOST = {"tau_s": (0.2, 8.0), "aspirated": (0.03, 2.0)}

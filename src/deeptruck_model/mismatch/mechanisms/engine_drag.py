@@ -4,15 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_model.mismatch.expression import (
-    Expression,
-    Integral,
-    Since,
-    exp,
-    lift,
-    maximum,
-    minimum,
-)
 from deeptruck_model.mismatch.mechanisms.courses import always, each_drive, slowly
 from deeptruck_model.mismatch.mechanisms.record import (
     Column,
@@ -44,6 +35,15 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     ratio_reference,
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import (
+    Expression,
+    Integral,
+    Since,
+    exp,
+    lift,
+    maximum,
+    minimum,
+)
 
 LITTLE, RELEASED = 0.03, 0.005  # of the largest command
 LINGERS = 0.02  # of the time

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from deeptruck_model.mismatch.expression import Signal, Slosh
 from deeptruck_model.mismatch.mechanisms.courses import each_drive, from_standstills, slowly
 from deeptruck_model.mismatch.mechanisms.record import Column, Form, Mechanism, grid
 from deeptruck_model.mismatch.mechanisms.symbols import SIMULATED
+from deeptruck_model.mismatch.residual.expression import Signal, Slosh
 
 MASS = Signal("sensitivity:mass")
 

@@ -16,9 +16,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from deeptruck_model.mismatch.expression import Expression
 from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Course, Offer, always
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import Expression
 
 Constants = Mapping[str, Any]
 Family = Literal["sensors", "timing", "brakes", "engine_driveline", "air_tyres_road", "load"]

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import FELT
-from deeptruck_model.mismatch.expression import Expression, Signal, lift
 from deeptruck_model.mismatch.mechanisms.courses import Course, along_the_road, each_drive
 from deeptruck_model.mismatch.mechanisms.record import Column, Form, Mechanism, force
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import Expression, Signal, lift
 
 HILLY = 0.02  # sd of the slope of a hilly road
 ROUGH = 0.1  # m/s^2: soft ground

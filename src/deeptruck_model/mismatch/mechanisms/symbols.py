@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.expression import (
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import (
     Change,
     Expression,
     Lag,
@@ -16,7 +17,6 @@ from deeptruck_model.mismatch.expression import (
     maximum,
     minimum,
 )
-from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Array = NDArray[np.float64]
 

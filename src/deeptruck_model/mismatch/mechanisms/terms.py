@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.expression import Expression, Interpolated, Rerun, Signal, rows_of
 from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Course, EachDrive, FromMoment, Spline, Where
 from deeptruck_model.mismatch.mechanisms.record import Column, Curve, Form, Mechanism, Variant
 from deeptruck_model.mismatch.residual.effective_mass import with_effective_mass
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import Expression, Interpolated, Rerun, Signal, rows_of
 from deeptruck_model.mismatch.residual.noise import Prior
 
 Array = NDArray[np.float64]

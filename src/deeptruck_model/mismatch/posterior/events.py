@@ -21,6 +21,7 @@ from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from deeptruck_core.json_data import HIDDEN, stored
+from deeptruck_model.mismatch.mechanisms.families import FAMILY
 from deeptruck_model.mismatch.posterior.fitted import narrowed
 from deeptruck_model.mismatch.posterior.kernels import LAWS, UNKNOWN, VARYING, Kernel, kernels, without
 from deeptruck_model.mismatch.posterior.posterior import Posterior, first_look, posterior
@@ -29,7 +30,6 @@ from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES
 from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, Series, fit, whiten
 from deeptruck_model.mismatch.rules import Limits
-from deeptruck_model.mismatch.tree import FAMILY
 from deeptruck_model.trucks.compiled import entry
 
 Array = NDArray[np.float64]

@@ -16,11 +16,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.expression import rows_of
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_terms
 from deeptruck_model.mismatch.mechanisms.courses import Spline, conditions
 from deeptruck_model.mismatch.mechanisms.record import Variant
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression
+from deeptruck_model.mismatch.residual.expression import rows_of
 from deeptruck_model.mismatch.rules import Limits
 
 Array = NDArray[np.float64]

@@ -19,6 +19,7 @@ from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import FELT, FELT_SD
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.courses import FINE_M, SLOW_KNOT_S
+from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, PLACE, SLOW, UNKNOWN
 from deeptruck_model.mismatch.mechanisms.road import HILLY
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
@@ -26,7 +27,6 @@ from deeptruck_model.mismatch.posterior.sampler import SIZES, SWEEPS, Blocks, Dr
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, Series, fit, ridge, whiten
 from deeptruck_model.mismatch.rules import Limits
-from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN
 
 Array = NDArray[np.float64]
 

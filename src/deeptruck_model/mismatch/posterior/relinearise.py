@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from deeptruck_core.errors import InputError
-from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, with_felt_slope
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import EachDrive
 from deeptruck_model.mismatch.posterior.posterior import Posterior, without_roads
 from deeptruck_model.mismatch.posterior.regression import Model, Regression
-from deeptruck_model.mismatch.prepare import PreparedDrives
+from deeptruck_model.mismatch.prepare.drives import PreparedDrives
+from deeptruck_model.mismatch.prepare.prepared import Prepared, learned, prepare, with_felt_slope
 from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE_S, Evidence
 from deeptruck_model.mismatch.residual.gather import driven_anew, gather
 from deeptruck_model.mismatch.residual.sensitivity import STEP, accepted

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core.signals import SPEED
-from deeptruck_model.mismatch.fit_result import Errors
-from deeptruck_model.mismatch.found import Mismatch
+from deeptruck_model.mismatch.correction.fit_result import Errors
 from deeptruck_model.mismatch.posterior.events import Event
-from deeptruck_model.mismatch.report.wording import spoken
+from deeptruck_model.mismatch.report.found import Mismatch
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
-from deeptruck_model.mismatch.result import Segment, Verdict
+from deeptruck_model.mismatch.verdict.result import Segment, Verdict
+from deeptruck_model.mismatch.verdict.wording import spoken
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core.signals import speed_unit
-from deeptruck_model.mismatch.report.wording import digits
+from deeptruck_model.mismatch.correction.strength import visible
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.strength import visible
+from deeptruck_model.mismatch.verdict.wording import digits
 
 Array = NDArray[np.float64]
 

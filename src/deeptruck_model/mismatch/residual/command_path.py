@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from deeptruck_model.trucks.compiled import entry
 
 if TYPE_CHECKING:
-    from deeptruck_model.mismatch.data.prepared import Prepared
+    from deeptruck_model.mismatch.prepare.prepared import Prepared
 
 
 Array = NDArray[np.float64]

@@ -17,9 +17,9 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
 from deeptruck_core.signals import ACCELERATION
-from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.prepare.prepared import Prepared
+from deeptruck_model.mismatch.prepare.runs import forced
 from deeptruck_model.mismatch.residual.command_path import changed, lagged
-from deeptruck_model.mismatch.residual.forced import forced
 from deeptruck_model.simulators import Run, Simulator
 
 Array = NDArray[np.float64]

@@ -17,8 +17,8 @@ from scipy.signal import lfilter
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, SPEED
-from deeptruck_model.mismatch.expression import Expression, Lag, Signal, lift
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import Expression, Lag, Signal, lift
 from deeptruck_model.simulators import Simulator, free_run
 
 Array = NDArray[np.float64]

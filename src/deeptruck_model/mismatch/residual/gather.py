@@ -14,12 +14,13 @@ from scipy.ndimage import gaussian_filter1d
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_core.vehicle_kinds import IMPOSSIBLE_ACCELERATION
-from deeptruck_model.mismatch.data.prepared import Prepared, fed, quantum
+from deeptruck_model.mismatch.prepare.prepared import Prepared, quantum
+from deeptruck_model.mismatch.prepare.runs import fed, forced
 from deeptruck_model.mismatch.residual import components, effective_mass
 from deeptruck_model.mismatch.residual.command_path import changed
 from deeptruck_model.mismatch.residual.command_response import RUNS, command_response
 from deeptruck_model.mismatch.residual.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence
-from deeptruck_model.mismatch.residual.forced import Grid, accelerations, forced
+from deeptruck_model.mismatch.residual.forced import Grid, accelerations
 from deeptruck_model.mismatch.residual.other_gear import other_gear, with_predicted_gears
 from deeptruck_model.mismatch.residual.sensitivity import REFIT_PARAMETERS, sensitivities
 from deeptruck_model.mismatch.residual.shift_moment import (

@@ -10,7 +10,8 @@ from scipy.ndimage import binary_dilation, binary_opening
 
 from deeptruck_core.signals import SPEED
 from deeptruck_core.vehicle_kinds import CLUTCH_CLOSED, GEARS_APART
-from deeptruck_model.mismatch.data.prepared import Prepared, fed
+from deeptruck_model.mismatch.prepare.prepared import Prepared
+from deeptruck_model.mismatch.prepare.runs import fed
 from deeptruck_model.simulators import Run, Simulator
 
 Array = NDArray[np.float64]

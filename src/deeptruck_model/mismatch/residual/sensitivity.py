@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION
-from deeptruck_model.mismatch.data.prepared import Prepared, fill, widen
+from deeptruck_model.mismatch.prepare.prepared import Prepared, fill, widen
+from deeptruck_model.mismatch.prepare.runs import forced
 from deeptruck_model.mismatch.residual import components
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.forced import Grid, forced
+from deeptruck_model.mismatch.residual.forced import Grid
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Run, Simulator
 

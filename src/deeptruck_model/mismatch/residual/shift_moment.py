@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core.signals import SPEED
-from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.residual.forced import Grid, accelerations
 from deeptruck_model.simulators import Simulator
 

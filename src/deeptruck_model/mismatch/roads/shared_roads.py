@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from deeptruck_core import reading
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import channel_of
-from deeptruck_model.mismatch.data.prepared import prepare
-from deeptruck_model.mismatch.roads.one_road import STEP_M, headed
+from deeptruck_model.mismatch.prepare.one_road import STEP_M, headed
+from deeptruck_model.mismatch.prepare.prepared import prepare
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.correction.model import Correction
 from deeptruck_model.mismatch.correction.validate import Validated
 from deeptruck_model.mismatch.folders import AS_GIVEN
-from deeptruck_model.mismatch.prepare import PreparedDrives
-from deeptruck_model.mismatch.report import wording
-from deeptruck_model.mismatch.result import Advice, Answer, Data, Finding, Regime, Segment, Verdict
-from deeptruck_model.mismatch.roads.road import Road
-from deeptruck_model.mismatch.tree import ROOT, Node
-from deeptruck_model.mismatch.verdict import decide
+from deeptruck_model.mismatch.mechanisms.families import ROOT
+from deeptruck_model.mismatch.posterior.comparison import Compared
+from deeptruck_model.mismatch.posterior.names import Node
+from deeptruck_model.mismatch.prepare.drives import PreparedDrives
+from deeptruck_model.mismatch.verdict import decide, wording
 from deeptruck_model.mismatch.verdict.findings import of_fault
+from deeptruck_model.mismatch.verdict.result import Advice, Answer, Data, Finding, Regime, Segment, Verdict
+from deeptruck_model.mismatch.verdict.road import Road
 from deeptruck_model.mismatch.verdict.witnesses import Witness
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
-from deeptruck_model.mismatch.report import wording
-from deeptruck_model.mismatch.result import Advice, Answer, Conclusion, Kind
 from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.verdict import wording
+from deeptruck_model.mismatch.verdict.result import Advice, Answer, Conclusion, Kind
 
 
 @dataclass(frozen=True)

@@ -9,26 +9,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core.signals import FELT
-from deeptruck_model.mismatch.budget import Budget
-from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.correction.model import Correction
-from deeptruck_model.mismatch.data.checks import SensorFault
+from deeptruck_model.mismatch.correction.strength import strength, visible
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import Where
+from deeptruck_model.mismatch.mechanisms.families import (
+    EACH_DRIVE,
+    FAMILY,
+    LEFT_OVER,
+    PLACE,
+    ROOT,
+    SLOW,
+    UNKNOWN,
+)
 from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
-from deeptruck_model.mismatch.names import Named
+from deeptruck_model.mismatch.posterior.budget import Budget
+from deeptruck_model.mismatch.posterior.comparison import Compared
 from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
-from deeptruck_model.mismatch.report import wording
+from deeptruck_model.mismatch.posterior.names import Named, Tree
+from deeptruck_model.mismatch.prepare.checks import SensorFault
+from deeptruck_model.mismatch.prepare.drives import NotRecorded
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.result import Bound, Finding, Kind, Size
-from deeptruck_model.mismatch.roads.road import Road
 from deeptruck_model.mismatch.rules import Limits, Rules
-from deeptruck_model.mismatch.sizes import sizes_of
-from deeptruck_model.mismatch.strength import strength, visible
-from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, LEFT_OVER, PLACE, ROOT, SLOW, UNKNOWN, Tree
-from deeptruck_model.mismatch.unrecorded import names_behind
+from deeptruck_model.mismatch.verdict import wording
+from deeptruck_model.mismatch.verdict.result import Bound, Finding, Kind, Size
+from deeptruck_model.mismatch.verdict.road import Road
+from deeptruck_model.mismatch.verdict.sizes import sizes_of
 from deeptruck_model.mismatch.verdict.where import PRINTED
+from deeptruck_model.recordings import Recording
 
 Array = NDArray[np.float64]
 
@@ -276,3 +285,13 @@ def _share(f: Finding, budget: Budget) -> float | None:
     if f.share_of_error is not None:
         return f.share_of_error
     return budget.share(f.family) if budget.parts and f.force is not None else None
+
+
+def names_behind(recordings: Sequence[Recording], missing: Sequence[NotRecorded]) -> dict[str, str]:
+    """For each mechanism whose effect an input that was not recorded may explain as well: that input. The
+    gear counts as recorded if every recording has the engine speed, which determines it."""
+    known = {"gear"} if all("engine_speed" in r.channels for r in recordings) else set()
+    asked = {m.input for m in missing} - known
+    behind = {m.effect: m.mistaken_for for m in (*LIBRARY.values(), *LIBRARY.own.values())}
+    behind |= {p.name: p.mistaken_for for p in PARAMETER_ERRORS.values() if p.mistaken_for}
+    return {name: lacks for name, lacks in behind.items() if lacks in asked}

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core.signals import Said
+from deeptruck_model.mismatch.correction.strength import acts, visible
 from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence, unit
-from deeptruck_model.mismatch.result import Bound, Finding, Regime, Segment
-from deeptruck_model.mismatch.strength import acts, visible
+from deeptruck_model.mismatch.verdict.result import Bound, Finding, Regime, Segment
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

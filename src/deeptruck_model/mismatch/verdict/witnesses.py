@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from deeptruck_core.json_data import stored
 from deeptruck_core.signals import FELT, FELT_SD
-from deeptruck_model.mismatch.budget import Budget
-from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, SLOW
+from deeptruck_model.mismatch.posterior.budget import Budget
 from deeptruck_model.mismatch.posterior.posterior import SLOW_S
 from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.residual.forced import Grid
 from deeptruck_model.mismatch.rules import Limits
-from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 
 Array = NDArray[np.float64]
 

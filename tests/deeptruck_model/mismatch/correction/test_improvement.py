@@ -10,11 +10,11 @@ import pytest
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction import improvement
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.correction.fit_result import Errors
 from deeptruck_model.mismatch.correction.improvement import free_run_errors, free_windows
-from deeptruck_model.mismatch.data.prepared import Prepared, prepare
-from deeptruck_model.mismatch.fit_result import Errors
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
+from deeptruck_model.mismatch.prepare.prepared import Prepared, prepare
 from deeptruck_model.trucks import driving_cycles
 
 TRUCK = trucks.load("trucksim")

@@ -23,13 +23,13 @@ from deeptruck_model.mismatch.correction.model import (
     _pruned,
     _rms,
 )
-from deeptruck_model.mismatch.expression import rows_of
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
 from deeptruck_model.mismatch.mechanisms.courses import Where
-from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL, UNKNOWN, kernels
+from deeptruck_model.mismatch.posterior.names import names
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.residual.expression import rows_of
 from deeptruck_model.mismatch.rules import Limits, Rules
 
 

@@ -11,9 +11,9 @@ from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction import side_by_side
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.improvement import free_runs, free_windows
-from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
+from deeptruck_model.mismatch.prepare.prepared import Prepared, prepare
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.trucks import driving_cycles
 

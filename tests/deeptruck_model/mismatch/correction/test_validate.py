@@ -10,14 +10,14 @@ from small_drives import evidence
 
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.correction.fit_result import Errors
 from deeptruck_model.mismatch.correction.model import Correction
 from deeptruck_model.mismatch.correction.validate import _better, _falls, _log_ratio, validate
-from deeptruck_model.mismatch.data.prepared import Prepared, prepare
-from deeptruck_model.mismatch.fit_result import Errors
 from deeptruck_model.mismatch.folders import CORRECTION
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
-from deeptruck_model.mismatch.prepare import PreparedDrives
+from deeptruck_model.mismatch.prepare.drives import PreparedDrives
+from deeptruck_model.mismatch.prepare.prepared import Prepared, prepare
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.trucks import driving_cycles
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.expression import lift
 from deeptruck_model.mismatch.mechanisms.courses import Spline, Where, conditions, of_all, slowly
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import lift
 
 
 def test_knots_are_named_by_recording_and_place(nothing_missing: Evidence) -> None:

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.expression import Signal, lift
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.record import Curve, Trend
 from deeptruck_model.mismatch.mechanisms.terms import apart, every_variant, knots, pieces
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import Signal, lift
 
 AT = [1.0, 4.0, 6.0, 9.0]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from small_drives import alike
 
-from deeptruck_model.mismatch.names import Names, names
+from deeptruck_model.mismatch.posterior.names import Names, names
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.relinearise import _slow_noise, own_drives, with_own_error

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from small_drives import DT, N, evidence, regression
 
 from deeptruck_core.json_data import from_json, to_json
-from deeptruck_model.mismatch.names import names
+from deeptruck_model.mismatch.mechanisms.families import FAMILY
 from deeptruck_model.mismatch.posterior.events import (
     CLIP,
     LARGEST,
@@ -26,11 +26,11 @@ from deeptruck_model.mismatch.posterior.events import (
     with_causes,
 )
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels, without
+from deeptruck_model.mismatch.posterior.names import names
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Prior, fit
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import FAMILY
 
 NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 ROWS = slice(2500, 2535)  # 7 s of the second drive, from 100 s on

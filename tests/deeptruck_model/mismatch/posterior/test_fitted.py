@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from small_drives import N, evidence, regression
 
-from deeptruck_model.mismatch.expression import Lag, Signal
 from deeptruck_model.mismatch.mechanisms.record import Column, Form, Mechanism, grid
 from deeptruck_model.mismatch.posterior.fitted import narrowed
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior, first_look, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import Lag, Signal
 
 KEEPS_S = 17.0  # no value of the library's grid
 

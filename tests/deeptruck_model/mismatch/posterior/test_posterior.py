@@ -12,8 +12,9 @@ from small_drives import FORCES, N, evidence, posterior_of, regression
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import FELT, FELT_SD
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import HEADWIND
-from deeptruck_model.mismatch.names import names
+from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, SLOW
 from deeptruck_model.mismatch.posterior.kernels import kernels
+from deeptruck_model.mismatch.posterior.names import names
 from deeptruck_model.mismatch.posterior.posterior import (
     Posterior,
     _lasting,
@@ -24,7 +25,6 @@ from deeptruck_model.mismatch.posterior.posterior import (
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 
 RULES = Rules()
 HILLS = 0.01 * np.sin(2 * np.pi * evidence()["distance"] / 700.0)

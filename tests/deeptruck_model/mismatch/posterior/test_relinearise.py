@@ -18,7 +18,7 @@ from deeptruck_model.mismatch.posterior.relinearise import (
     at_fitted_parameters,
     refitted,
 )
-from deeptruck_model.mismatch.prepare import PreparedDrives, prepare_drives
+from deeptruck_model.mismatch.prepare.drives import PreparedDrives, prepare_drives
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Rules

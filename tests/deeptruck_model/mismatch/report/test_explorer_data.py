@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.fit_result import Errors
+from deeptruck_model.mismatch.correction.fit_result import Errors
 from deeptruck_model.mismatch.report.explorer_data import _along, packed
 
 

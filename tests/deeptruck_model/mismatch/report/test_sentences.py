@@ -8,16 +8,24 @@ import numpy as np
 import pytest
 
 from deeptruck_core.signals import shown
-from deeptruck_model.mismatch.budget import Budget, Part
-from deeptruck_model.mismatch.data.checks import SensorFault
-from deeptruck_model.mismatch.fit_result import FitResult, FreeRunErrors, Improvement, Refitted, Rmse
+from deeptruck_model.mismatch.correction.fit_result import (
+    FitResult,
+    FreeRunErrors,
+    Improvement,
+    Refitted,
+    Rmse,
+)
+from deeptruck_model.mismatch.correction.strength import Strength
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, NOT_SIGNIFICANT, REFIT
-from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.output import summary
+from deeptruck_model.mismatch.posterior.budget import Budget, Part
 from deeptruck_model.mismatch.posterior.events import Event
-from deeptruck_model.mismatch.report import lines, page, wording
-from deeptruck_model.mismatch.report.wording import opened
-from deeptruck_model.mismatch.result import (
+from deeptruck_model.mismatch.prepare.checks import SensorFault
+from deeptruck_model.mismatch.report import lines, page
+from deeptruck_model.mismatch.report.found import Mismatch
+from deeptruck_model.mismatch.verdict import wording
+from deeptruck_model.mismatch.verdict.findings import of_fault
+from deeptruck_model.mismatch.verdict.result import (
     Advice,
     Answer,
     Bound,
@@ -28,8 +36,7 @@ from deeptruck_model.mismatch.result import (
     Size,
     Verdict,
 )
-from deeptruck_model.mismatch.strength import Strength
-from deeptruck_model.mismatch.verdict.findings import of_fault
+from deeptruck_model.mismatch.verdict.wording import opened
 
 PAYLOAD = Finding(
     Kind.PHYSICS, "payload_change", "load", "payload_change", "the mass changed", "m -> m + dm", {},

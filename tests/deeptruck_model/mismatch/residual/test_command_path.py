@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deeptruck_core.signals import TruckInterface
-from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.residual.command_path import CommandPath, changed
 from deeptruck_model.recordings import Recording
 

@@ -13,13 +13,13 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_exam.plants.fastsim_equations import LineHaul, make
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.data.prepared import prepare
-from deeptruck_model.mismatch.expression import Signal, Stream
-from deeptruck_model.mismatch.expression.nodes import Constant
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.prepare.prepared import prepare
 from deeptruck_model.mismatch.residual import effective_mass, gather
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression import Signal, Stream
+from deeptruck_model.mismatch.residual.expression.nodes import Constant
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator, free_run, load
 from deeptruck_model.trucks import driving_cycles

@@ -10,8 +10,8 @@ import pytest
 from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.mechanisms import variant
+from deeptruck_model.mismatch.prepare.prepared import prepare
 from deeptruck_model.mismatch.residual import gather
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence

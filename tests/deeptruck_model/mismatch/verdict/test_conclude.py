@@ -6,12 +6,12 @@ import pytest
 
 from deeptruck_model.mismatch import Mismatch
 from deeptruck_model.mismatch.folders import CORRECTION
+from deeptruck_model.mismatch.mechanisms.families import UNKNOWN
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.report.lines import NAMELESS
-from deeptruck_model.mismatch.report.wording import spoken
-from deeptruck_model.mismatch.result import Verdict
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import UNKNOWN
+from deeptruck_model.mismatch.verdict.result import Verdict
+from deeptruck_model.mismatch.verdict.wording import spoken
 
 
 @pytest.fixture(params=["lazy_brake", "right_truck", "dragging_brake", "heavier_truck"])

@@ -7,11 +7,10 @@ from dataclasses import replace
 import pytest
 
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
-from deeptruck_model.mismatch.report import wording
-from deeptruck_model.mismatch.result import Answer, Conclusion, Kind
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.verdict import decide
+from deeptruck_model.mismatch.verdict import decide, wording
 from deeptruck_model.mismatch.verdict.decide import Numbers
+from deeptruck_model.mismatch.verdict.result import Answer, Conclusion, Kind
 
 RULES = Rules()
 NAN = float("nan")

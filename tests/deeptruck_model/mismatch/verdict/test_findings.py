@@ -10,18 +10,19 @@ import pytest
 from scipy.signal import lfilter
 from small_drives import FORCES, N, evidence, posterior_of, regression
 
-from deeptruck_model.mismatch.budget import budget
-from deeptruck_model.mismatch.comparison import Compared
-from deeptruck_model.mismatch.names import Named, names
+from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, PLACE, SLOW, UNKNOWN
+from deeptruck_model.mismatch.posterior.budget import budget
+from deeptruck_model.mismatch.posterior.comparison import Compared
+from deeptruck_model.mismatch.posterior.names import Named, Tree, names
 from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
-from deeptruck_model.mismatch.prepare import PreparedDrives
-from deeptruck_model.mismatch.report import lines, wording
-from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
-from deeptruck_model.mismatch.roads.road import Road
+from deeptruck_model.mismatch.prepare.drives import PreparedDrives
+from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN, Tree
+from deeptruck_model.mismatch.verdict import wording
 from deeptruck_model.mismatch.verdict.findings import findings
+from deeptruck_model.mismatch.verdict.result import Conclusion, Finding, Kind, Verdict
+from deeptruck_model.mismatch.verdict.road import Road
 
 RULES = Rules()
 ROAD = np.tile(0.08 * np.sin(np.arange(N // 3) / 90.0) * np.sin(np.arange(N // 3) / 230.0), 3)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from small_drives import TRUCK, drives
 
-from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.find import compared
-from deeptruck_model.mismatch.tree import SLOW
+from deeptruck_model.mismatch.mechanisms.families import SLOW
+from deeptruck_model.mismatch.posterior.comparison import Compared
 from deeptruck_model.mismatch.verdict.witnesses import witnesses
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import View

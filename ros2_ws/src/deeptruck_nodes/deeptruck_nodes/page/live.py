@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from deeptruck_model.mismatch.report.wording import spoken
+from deeptruck_model.mismatch.verdict.wording import spoken
 
 SERIES = (
     "speed", "leader_speed", "gap", "engine_command", "brake_command", "engaged",
@@ -107,7 +107,7 @@ class Live:
     def names(self, probabilities: Mapping[str, float]) -> None:
         """Set the probabilities of families and of the names in them; NaN if nothing could be compared."""
         # The library of mechanisms takes longer to import than all else of the page, and few runs have names.
-        from deeptruck_model.mismatch.tree import NAMES
+        from deeptruck_model.mismatch.mechanisms.families import NAMES
 
         families = {f: probabilities.get(f, 0.0) for f in (*NAMES, "unknown", "nothing")}
         self._missing["names"] = [

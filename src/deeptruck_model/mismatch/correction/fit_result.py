@@ -1,0 +1,122 @@
+"""Types for free-run errors and the intervals of their improvement; `FitResult` is `fit` of verdict.json."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_core.json_data import SPARSE, stored
+from deeptruck_model.mismatch.correction.strength import Strength
+from deeptruck_model.mismatch.folders import AS_GIVEN
+from deeptruck_model.mismatch.rules import Limits
+
+Array = NDArray[np.float64]
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of free runs, (windows, steps), and the recording and sample at which each starts."""
+
+    speed: Array
+    acceleration: Array
+    recording: NDArray[np.intp]
+    start: NDArray[np.intp]
+
+    def rmse(self) -> Rmse:
+        """Root mean square over all windows and steps."""
+        speed, acceleration = (float(np.sqrt(np.mean(x**2))) for x in (self.speed, self.acceleration))
+        return Rmse(speed, acceleration)
+
+    def of_runs(self) -> Array:
+        """Rms speed error of each run, m/s, (windows,)."""
+        return np.asarray(np.sqrt(np.mean(self.speed**2, axis=1) + Limits.least_error**2))
+
+
+@dataclass(frozen=True)
+class Rmse:
+    """Root mean square errors of speed (m/s) and acceleration (m/s^2) in free runs."""
+
+    speed: float = field(metadata=stored(key="speed_rmse"))
+    acceleration: float = field(metadata=stored(key="acceleration_rmse"))
+
+
+@dataclass(frozen=True)
+class FreeRunErrors:
+    """Errors in the same free runs of the simulator as given, with all parameters refitted and no effect
+    added, and corrected."""
+
+    before: Rmse
+    parameters_only: Rmse
+    after: Rmse
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """95 % intervals of the relative improvement of the speed error, over the given number of recordings."""
+
+    ci95: Interval = field(metadata=stored(key="improvement_ci95"))
+    over_parameters_ci95: Interval = field(metadata=stored(key="improvement_over_parameters_ci95"))
+    recordings: int = field(metadata=stored(key="improvement_recordings"))
+
+
+@dataclass(frozen=True)
+class Refitted:
+    """A parameter in the refit without effects: its relative `change` from the simulator as given with a 95 %
+    interval, and its value and interval in `unit` if the simulator states it."""
+
+    change: float = field(metadata=stored(key="relative"))
+    change_ci95: Interval = field(metadata=stored(key="relative_ci95"))
+    value: float | None = field(default=None, metadata=stored(sparse=True))
+    unit: str = field(default="", metadata=stored(sparse=True))
+    ci95: Interval | None = field(default=None, metadata=stored(sparse=True))
+
+
+@dataclass(frozen=True)
+class WithoutExogenous:
+    """Rms speed error, m/s, of the corrected simulator without `signals`, the signals beyond the protocol
+    that it needs, such as a gap; they count as not recorded."""
+
+    signals: tuple[str, ...]
+    after: float
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """The effect of the correction on `windows` free runs of `horizon_s` on the held-out recordings.
+
+    `errors` and `improvement` are None if no recording is long enough for a free run.
+    """
+
+    held_out: tuple[str, ...]
+    horizon_s: float
+    windows: int
+    corrected: tuple[str, ...]  # effects and parameters that the corrected simulator holds
+    # relative changes of its parameters
+    corrected_parameters: Mapping[str, float] = field(
+        default_factory=dict, metadata=stored(key="refitted", sparse=True)
+    )
+    # their 95 % intervals
+    corrected_intervals: Mapping[str, Interval] = field(
+        default_factory=dict, metadata=stored(key="refitted_ci95", sparse=True)
+    )
+    # strengths of the forces that it adds, by the finding's name, or `unknown`, along the fitted drives
+    corrected_forces: Mapping[str, Strength] = field(
+        default_factory=dict, metadata=stored(key="added", sparse=True)
+    )
+    # whether sizes are those of least speed error, not the most probable ones
+    output_error: bool = field(default=False, metadata=SPARSE)
+    # the simulator has no parameters: what refits them scales its forces instead
+    scales_forces: bool = field(default=False, metadata=SPARSE)
+    # None where it needs nothing beyond the protocol
+    without_exogenous: WithoutExogenous | None = field(default=None, metadata=SPARSE)
+    errors: FreeRunErrors | None = field(default=None, metadata=stored(flat=True))
+    improvement: Improvement | None = field(default=None, metadata=stored(flat=True))
+    refit: Mapping[str, Refitted] = field(
+        default_factory=dict, metadata=SPARSE
+    )  # all parameters, refitted alone
+    validated: bool = False
+    offered: str = AS_GIVEN  # the best along held-out drives; `validated` where that is not the one as given

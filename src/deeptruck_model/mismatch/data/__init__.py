@@ -1,1 +1,0 @@
-"""Prepares recordings for the comparison with a simulator, and counts rejected samples by rule."""

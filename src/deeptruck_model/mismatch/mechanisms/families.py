@@ -1,0 +1,52 @@
+"""All names that a finding can have, by family, and `unknown`; and the parts of the budget, which are the
+families and the nonparametric terms.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from typing import get_args
+
+from deeptruck_core.errors import InputError
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
+from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS, SENSOR_ERRORS
+from deeptruck_model.mismatch.mechanisms.record import Family
+
+ROOT = "mismatch"
+UNKNOWN = "unknown"
+FAMILIES = get_args(Family)
+FAMILY: dict[str, str] = {
+    **{s.name: s.family for s in SENSOR_ERRORS.values()},
+    **{p.name: p.family for p in PARAMETER_ERRORS.values()},
+    **{m.effect: m.family for m in LIBRARY.values()},
+}
+NAMES = {family: tuple(sorted(name for name in FAMILY if FAMILY[name] == family)) for family in FAMILIES}
+FAMILY[UNKNOWN] = UNKNOWN
+
+
+def joined(mechanisms: Sequence[Mechanism]) -> None:
+    """Let the user's mechanisms be found, in the library and in the tree. Raises InputError for a name that
+    the tool has."""
+    for m in mechanisms:
+        if m.effect in FAMILY and m.effect not in LIBRARY.own:
+            raise InputError(f"'{m.effect}' is a name of the tool; choose another one for the mechanism")
+    for m in mechanisms:
+        LIBRARY.own[m.effect], FAMILY[m.effect] = m, m.family
+
+
+LEFT_OVER, EACH_DRIVE, SLOW, PLACE = "left_over", "each_drive", "slow", "place"
+SENSORS = "sensors"
+HIDDEN = "unrecorded:brake"
+PARTS = (*NAMES, PLACE, EACH_DRIVE, SLOW, HIDDEN, UNKNOWN, LEFT_OVER)  # of the budget
+NAMED = (*LIBRARY, *PARAMETER_ERRORS, *SENSOR_ERRORS, UNKNOWN)
+
+
+def check_excluded(names: Sequence[str]) -> None:
+    """Raises InputError for a name that is no effect, which an examination would otherwise believe
+    excluded."""
+    for name in names:
+        if name not in NAMED:
+            near = difflib.get_close_matches(name, NAMED, 1)
+            hint = f"; did you mean {near[0]}?" if near else "; docs/mismatch_effects.md lists them"
+            raise InputError(f"there is no effect '{name}' to leave out{hint}")

@@ -1,0 +1,218 @@
+"""Names read from the draws: accepted names, the names that act in their place, and sets of names."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_core.json_data import stored
+from deeptruck_model.mismatch.mechanisms.families import FAMILY, ROOT, UNKNOWN
+from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, gains
+from deeptruck_model.mismatch.rules import Limits
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+MOST_EXPLANATIONS = 6
+
+
+@dataclass(frozen=True)
+class Node:
+    """A node of the tree: a family below the root, or a name below its family. `probability`: that a name
+    acts, or any of a family."""
+
+    node: str
+    parent: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The probability of every name, and of any name of a family: of names that may act together it is less
+    than their sum, which it is where `of_families` is empty."""
+
+    names: Mapping[str, float]
+    of_families: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def families(self) -> dict[str, float]:
+        """The probability that any name of a family acts, most probable first."""
+        each = dict(self.of_families)
+        for name, p in self.names.items() if not each else ():
+            each[FAMILY[name]] = each.get(FAMILY[name], 0.0) + p
+        return dict(sorted(each.items(), key=lambda item: -item[1]))
+
+    @property
+    def first(self) -> str:
+        """The most probable name in the most probable family."""
+        return max(self.of(next(iter(self.families))).items(), key=lambda item: item[1])[0]
+
+    def of(self, family: str) -> dict[str, float]:
+        """The names of a family, most probable first."""
+        own = {name: p for name, p in self.names.items() if FAMILY[name] == family}
+        return dict(sorted(own.items(), key=lambda item: -item[1]))
+
+    def credible(self, mass: float) -> tuple[str, ...]:
+        """The smallest set of names whose probabilities sum to `mass` of the total, most probable first."""
+        out, total = [], 0.0
+        mass = mass * sum(self.names.values())
+        for name, p in sorted(self.names.items(), key=lambda item: -item[1]):
+            if total >= mass:
+                break
+            out.append(name)
+            total += p
+        return tuple(out)
+
+    def stated(self, least: float) -> str:
+        """The deepest node with at least this probability."""
+        best = max(self.names.items(), key=lambda item: item[1])
+        if best[1] >= least:
+            return best[0]
+        family, p = next(iter(self.families.items()))
+        return family if p >= least else ROOT
+
+    def nodes(self) -> tuple[Node, ...]:
+        """The root's children and their children, most probable first."""
+        out = []
+        for family, p in self.families.items():
+            out.append(Node(family, ROOT, p))
+            if family != UNKNOWN:
+                out += [Node(name, family, own) for name, own in self.of(family).items()]
+        return tuple(out)
+
+
+@dataclass(frozen=True)
+class Named:
+    """One effect in the posterior: its most probable `name`; the probabilities (`tree`) of it and of the
+    names that act in its place; the gain (`nats`) of its kernel; and the mean (n,) of its force, m/s^2, over
+    the `given` draws (m,). It is a finding only if `accepted`."""
+
+    name: str
+    tree: Tree
+    nats: float
+    force: Array
+    accepted: bool = True
+    given: Mask = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    lasts: bool = True  # else it is the cause of events, whose force it has
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A set of names, and the probability that exactly these act."""
+
+    names: tuple[str, ...]
+    probability: float = field(metadata=stored(digits=3))
+
+
+@dataclass(frozen=True)
+class Names:
+    """The effects, most probable first; the sets of names that act together; and the probabilities of all
+    names (`tree`), with that of none."""
+
+    found: tuple[Named, ...]
+    explanations: tuple[Explanation, ...]
+    tree: Tree
+    nothing: float
+
+
+def names(p: Posterior) -> Names:
+    """The names of a posterior, each with its probability in the draws, most probable first; of those
+    probable enough to be stated the one first whose force adds up to the larger speed error.
+
+    A name stands for those that act in its place: the ones that are in more often without it than with it.
+    It is an effect if the probability that any of these acts is `rules.named` or more.
+    """
+    rules = p.search.rules
+    acts = {n: p.acts(n) for n in dict.fromkeys(k.name for k in p.of) if n not in NO_NAME}
+    left = {n: x for n, x in acts.items() if x.mean() >= Limits.rare}
+    whole = tree_of(left)
+    found: list[Named] = []
+    size = cache(lambda n: _speed_error(p, n))
+    while left and len(found) < rules.most_findings:
+        likely = {n: min(float(x.mean()), rules.stated) for n, x in left.items()}
+        first = [n for n, chance in likely.items() if chance == max(likely.values())]
+        name = max(first, key=size) if len(first) > 1 else first[0]
+        there = left[name]
+        place = {n: x for n, x in left.items() if n == name or (x & ~there).sum() > (x & there).sum()}
+        if float(np.any(list(place.values()), axis=0).mean()) < rules.named:
+            break
+        found.append(_named(p, name, tree_of(place)))
+        left = {n: x for n, x in left.items() if n not in place}
+    none = float((~np.any(list(acts.values()), axis=0)).mean()) if acts else 1.0
+    return Names(_together(p, found), _explanations(acts), whole, none)
+
+
+def _together(p: Posterior, found: Sequence[Named]) -> tuple[Named, ...]:
+    """The effects with their forces in the draws in which all accepted ones act together, so that these add
+    up to one explanation; in those of each name if these are too few."""
+    lasting = [f.name for f in found if f.accepted and p.inside(f.name).any()]
+    together = np.all([p.inside(name) for name in lasting], axis=0) if lasting else np.zeros(0, dtype=bool)
+    if not lasting or together.mean() < Limits.least_in:
+        return tuple(found)
+    return tuple(
+        replace(f, force=p.force(f.name, together) if f.lasts else f.force, given=together)
+        if f.name in lasting
+        else f
+        for f in found
+    )
+
+
+def _speed_error(p: Posterior, name: str) -> float:
+    """Speed error (rms, m/s) that the mean force of a name adds up to within the longest free runs."""
+    e = p.search.e
+    force = np.where(e.valid, _force(p, name)[0], 0.0)
+    window = max(1, round(Limits.horizons_s[0] / e.dt))
+    parts = [force[at : min(at + window, s.stop)] for s in e.drives for at in range(s.start, s.stop, window)]
+    return float(np.sqrt(np.mean(np.concatenate([np.cumsum(x) * e.dt for x in parts]) ** 2)))
+
+
+def tree_of(acts: Mapping[str, Mask]) -> Tree:
+    """The probabilities of names from the draws (m,) in which each acts, and of any in each family."""
+    families: dict[str, Mask] = {}
+    for n, x in acts.items():
+        families[FAMILY[n]] = families.get(FAMILY[n], np.zeros_like(x)) | x
+    return Tree(
+        {n: float(x.mean()) for n, x in acts.items()},
+        {family: float(x.mean()) for family, x in families.items()},
+    )
+
+
+def _named(p: Posterior, name: str, tree: Tree) -> Named:
+    """For a learned simulator a name is accepted only from probability `stated` on, and with more gain than
+    any name has on the simulator's own recordings."""
+    force, always, lasts = _force(p, name)
+    sure = max(tree.families.values()) >= p.search.rules.stated
+    accepted = p.search.e.known_physics or (sure and p.gain(name) > _own_gain(p))
+    return Named(name, tree, p.gain(name), force, accepted, always, lasts)
+
+
+def _force(p: Posterior, name: str) -> tuple[Array, Mask, bool]:
+    """Mean force (n,) of a name in the draws in which it acts all along, these draws, and true; or else what
+    it causes in the events, m/s^2, and false."""
+    always, acts = p.inside(name), p.acts(name)
+    lasts = bool(always.sum() >= (acts & ~always).sum())
+    return p.force(name, always) if lasts else p.in_events, always, lasts
+
+
+def _own_gain(p: Posterior) -> float:
+    """The gain that a name must exceed for a learned simulator, nats: the largest gain of any name, scaled to
+    as much driving, on the simulator's own held-out recordings."""
+    own = p.search.own
+    if own is None:
+        return 0.0
+    ratio = max(float(p.search.e.valid.sum()) / max(float(own.e.valid.sum()), 1.0), Limits.least_ratio)
+    return p.search.rules.discrepancy * ratio * max(gains(own).values())
+
+
+def _explanations(acts: Mapping[str, Mask]) -> tuple[Explanation, ...]:
+    order = sorted(acts)
+    count = len(next(iter(acts.values()))) if acts else 0
+    sets = Counter(
+        tuple(n for n, x in zip(order, row, strict=True) if x) for row in np.array([acts[n] for n in order]).T
+    )
+    return tuple(Explanation(s, k / count) for s, k in sets.most_common(MOST_EXPLANATIONS))

@@ -1,0 +1,1 @@
+"""Recordings to drives: checked, aligned with the simulator, and driven by it."""

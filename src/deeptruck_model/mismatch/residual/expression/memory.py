@@ -1,0 +1,181 @@
+"""Nodes with memory: lags, times since events, differences, and oscillators."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.expression.nodes import Expression
+from deeptruck_model.trucks.compiled import entry
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Lag(Expression):
+    """First-order lag. It starts at the first value of its input, or at zero if `cold`."""
+
+    inputs: tuple[Expression, ...]
+    tau_s: float
+    cold: bool = False
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        return e.lag(values[0], self.tau_s, "zero" if self.cold else "first")
+
+    def begin(self, batch: int) -> Any:
+        return np.zeros(batch) if self.cold else None
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        keep = np.exp(-dt / self.tau_s)
+        out = values[0] if memory is None else keep * memory + (1 - keep) * values[0]
+        return out, out
+
+
+@entry
+def _rising(x: Array, keep: float) -> Array:
+    out = x.copy()
+    for k in range(1, len(x)):
+        out[k] = min(x[k], keep * out[k - 1] + (1 - keep) * x[k])
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class RisingLag(Expression):
+    """First-order lag of rising values only, as for boost pressure; falling values pass at once."""
+
+    inputs: tuple[Expression, ...]
+    tau_s: float
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        x, keep = values[0], float(np.exp(-e.dt / self.tau_s))
+        out = np.empty_like(x)
+        for s in e.drives:
+            out[s.rows] = _rising(x[s.rows], keep)
+        return out
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        keep = np.exp(-dt / self.tau_s)
+        x = values[0]
+        out = x if memory is None else np.minimum(x, keep * memory + (1 - keep) * x)
+        return out, out
+
+
+@dataclass(frozen=True, eq=False)
+class Since(Expression):
+    """Seconds since the input last exceeded one half; `never` before the first time."""
+
+    inputs: tuple[Expression, ...]
+    never: float = 1e6
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        return np.minimum(e.since(values[0] > 0.5), self.never)
+
+    def begin(self, batch: int) -> Any:
+        return np.full(batch, self.never)
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        out = np.where(values[0] > 0.5, 0.0, np.minimum(memory + dt, self.never))
+        return out, out
+
+
+@dataclass(frozen=True, eq=False)
+class Integral(Expression):
+    """Integral of the input over time since the start of a recording or simulation."""
+
+    inputs: tuple[Expression, ...]
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        return e.integral(values[0])
+
+    def begin(self, batch: int) -> Any:
+        return np.zeros(batch)
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        out = memory + values[0] * dt
+        return out, out
+
+
+@dataclass(frozen=True, eq=False)
+class Change(Expression):
+    """Difference to the previous sample, per second."""
+
+    inputs: tuple[Expression, ...]
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        return e.difference(values[0])
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        previous = values[0] if memory is None else memory
+        return (values[0] - previous) / dt, values[0]
+
+
+@cache
+def _spring(frequency_hz: float, damping: float, dt: float) -> tuple[Array, Array]:
+    """Discrete state of a mass on a spring: position and speed after a step are A (2, 2) times them, plus b
+    (2,) times the acceleration, which is constant in the step."""
+    from scipy.linalg import expm
+
+    w = 2 * np.pi * frequency_hz
+    full = np.zeros((3, 3))
+    full[:2] = [[0.0, 1.0, 0.0], [-(w**2), -2 * damping * w, -1.0]]
+    step = expm(full * dt)
+    return step[:2, :2], step[:2, 2]
+
+
+@dataclass(frozen=True, eq=False)
+class Slosh(Expression):
+    """Specific force on the truck of a unit mass share on a spring, excited by the input acceleration.
+
+    x'' + 2 z w x' + w^2 x = -a; the share reacts with w^2 x + 2 z w x', and its inertial force a is removed
+    from the truck.
+    """
+
+    inputs: tuple[Expression, ...]
+    frequency_hz: float
+    damping: float
+
+    def _force(self, x: Array, a: Array) -> Array:
+        w = 2 * np.pi * self.frequency_hz
+        return w**2 * x[0] + 2 * self.damping * w * x[1] + a
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        A, b = _spring(self.frequency_hz, self.damping, e.dt)
+        w = 2 * np.pi * self.frequency_hz
+        # position and speed as two filters with the denominator of A
+        den = np.array([1.0, -np.trace(A), np.linalg.det(A)])
+        num = np.array(
+            [[0.0, b[0], A[0, 1] * b[1] - A[1, 1] * b[0]], [0.0, b[1], A[1, 0] * b[0] - A[0, 0] * b[1]]]
+        )
+        out = np.empty(len(e))
+        for s in e.drives:
+            a = values[0][s.rows]
+            x, v = lfilter(num[0], den, a), lfilter(num[1], den, a)
+            out[s.rows] = w**2 * x + 2 * self.damping * w * v + a
+        return out
+
+    def begin(self, batch: int) -> Any:
+        return np.zeros((2, batch))
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        A, b = _spring(self.frequency_hz, self.damping, dt)
+        a = np.broadcast_to(values[0], memory.shape[1:])
+        return self._force(memory, a), A @ memory + b[:, None] * a

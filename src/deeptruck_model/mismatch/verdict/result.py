@@ -1,0 +1,229 @@
+"""Types of the result. `Verdict.to_json` alone writes verdict.json, schema 3."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_core.json_data import HIDDEN, SPARSE, from_json, stored, to_json
+from deeptruck_core.signals import Said, Speed
+from deeptruck_model.mismatch.correction.fit_result import FitResult, Interval
+from deeptruck_model.mismatch.correction.strength import Strength
+from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
+from deeptruck_model.mismatch.posterior.budget import Budget
+from deeptruck_model.mismatch.posterior.events import Event
+from deeptruck_model.mismatch.posterior.names import Explanation, Node
+from deeptruck_model.mismatch.prepare.checks import Rejection
+from deeptruck_model.mismatch.prepare.drives import NotRecorded
+from deeptruck_model.mismatch.verdict.witnesses import Witness
+
+Array = NDArray[np.float64]
+
+
+SCHEMA = 3
+
+
+class Conclusion(StrEnum):
+    """The kind of the main finding, or why there is none."""
+
+    PHYSICS = "missing_physics"
+    PARAMETER = "parameter_error"
+    SENSOR = "measurement_fault"
+    NOTHING = "nothing_missing"
+    UNDETERMINED = "undetermined"
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A segment of one recording in which a finding, given by its index, acts; rows are of the stacked
+    evidence."""
+
+    recording: str
+    start_s: float = field(metadata=stored(digits=2))
+    end_s: float = field(metadata=stored(digits=2))
+    finding: int
+    mean_force_n: float | None = field(metadata=stored(digits=1))  # None where no mass is known
+    start: int = field(default=0, metadata=HIDDEN)
+    stop: int = field(default=0, metadata=HIDDEN)
+    energy: float = field(default=0.0, metadata=HIDDEN)
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A range of a signal; infinite bounds are open."""
+
+    signal: str
+    low: float
+    high: float
+    unit: str
+
+    def __str__(self) -> str:
+        low, high = self._end(self.low, with_unit=np.isinf(self.high)), self._end(self.high)
+        if np.isinf(self.low):
+            return Said(self.signal, " < ", high)
+        if np.isinf(self.high):
+            return Said(self.signal, " > ", low)
+        return Said(self.signal, " ", low, " .. ", high)
+
+    def _end(self, value: float, *, with_unit: bool | np.bool_ = True) -> str | Speed:
+        if self.unit == "m/s":
+            return Speed(value, 3, bool(with_unit))
+        return f"{value:.3g}" + (f" {self.unit}" if self.unit and with_unit else "")
+
+
+@dataclass(frozen=True)
+class Regime:
+    """A region of driving in which all `bounds` hold, with its share of the error and of the time."""
+
+    where: str
+    share_of_error: float
+    share_of_time: float
+    bounds: tuple[Bound, ...] = field(default=(), metadata=HIDDEN)
+
+
+class Kind(StrEnum):
+    """The kind of a finding."""
+
+    PHYSICS = "missing_physics"
+    PARAMETER = "parameter_error"
+    SENSOR = "measurement_fault"
+
+
+class Answer(StrEnum):
+    """Answer to a question of `advice`."""
+
+    YES = "yes"
+    NO = "no"
+    UNSURE = "unsure"
+
+
+@dataclass(frozen=True)
+class Advice:
+    """An answer with its reason in one sentence."""
+
+    answer: Answer
+    reason: str
+
+
+@dataclass(frozen=True)
+class Size:
+    """A size in `unit` with its 95 % interval, if it was fitted."""
+
+    value: float
+    unit: str
+    ci95: Interval | None = None
+
+    def times(self, factor: float) -> Size:
+        """The size and its interval times a positive factor."""
+        ends = None if self.ci95 is None else (factor * self.ci95[0], factor * self.ci95[1])
+        return Size(factor * self.value, self.unit, ends)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One finding. `stated` is the deepest node of the tree that is probable enough; `force` (n,), m/s^2, is
+    absent for a fault that is visible between sensors alone."""
+
+    kind: Kind
+    effect: str
+    family: str
+    stated: str
+    says: str
+    equation: str
+    parameters: Mapping[str, Size]
+    separating_manoeuvre: str = field(metadata=stored(earlier="would_be_told_by"))
+    depends_on: tuple[str, ...]
+    probability: float
+    family_probability: float
+    credible_set: tuple[str, ...] = field(default=(), metadata=stored(earlier="cannot_be_told_from"))
+    share_of_explainable_error: float = 0.0
+    evidence_nats: float | None = field(default=None, metadata=SPARSE)
+    strength: Strength | None = field(default=None, metadata=SPARSE)
+    missing_input: str = field(
+        default="", metadata=SPARSE
+    )  # which was not recorded and may explain it as well
+    in_log: bool = field(default=False, metadata=SPARSE)  # what is missing was recorded, by another sensor
+    in_drives: tuple[str, ...] = field(default=(), metadata=SPARSE)  # in which it acts, where not in all
+    in_condition: str = field(default="", metadata=SPARSE)  # in which it acts, where not always
+    # of the squared speed error, that the budget gives its family
+    share_of_error: float | None = field(default=None, metadata=stored(digits=4, sparse=True))
+    force: Array | None = field(default=None, compare=False, metadata=HIDDEN)
+
+    @property
+    def by_drive(self) -> dict[str, Size]:
+        """Its size in each drive, where it has one, by the drive's name."""
+        return {name.partition("[")[2][:-1]: x for name, x in self.parameters.items() if is_by_drive(name)}
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """The other names of its credible set."""
+        return tuple(name for name in self.credible_set if name != self.effect)
+
+    @property
+    def may_differ(self) -> bool:
+        """Whether it may differ from drive to drive, so that a correction of all drives does not hold it."""
+        return "recording" in self.depends_on or bool(self.in_drives)
+
+
+def is_by_drive(size: str) -> bool:
+    """Whether a size is that of one drive, `force[monday]`."""
+    return size.endswith("]")
+
+
+@dataclass(frozen=True)
+class Data:
+    """Number of samples `recorded`, the share `compared`, and the samples rejected by each rule."""
+
+    rejected: tuple[Rejection, ...] = ()
+    recorded: int = field(default=0, metadata=stored(later=True))
+    compared: float = field(default=0.0, metadata=stored(digits=4, later=True))
+    doubts: tuple[str, ...] = field(default=(), metadata=SPARSE)  # of inputs and speed, to settle first
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The content of verdict.json. `fit` and `budget` are None if nothing could be compared."""
+
+    kind: Conclusion = field(metadata=stored(key="verdict"))
+    findings: tuple[Finding, ...] = ()
+    explanations: tuple[Explanation, ...] = field(default=(), metadata=stored(later=True))
+    events: tuple[Event, ...] = field(default=(), metadata=stored(later=True))
+    segments: tuple[Segment, ...] = ()
+    regimes: tuple[Regime, ...] = ()
+    fit: FitResult | None = None
+    data: Data = field(default_factory=Data)
+    caveats: tuple[str, ...] = ()
+    not_recorded: tuple[NotRecorded, ...] = ()
+    budget: Budget | None = None
+    witnesses: tuple[Witness, ...] = ()
+    tree: tuple[Node, ...] = ()
+    advice: Mapping[str, Advice] = field(default_factory=dict)
+
+    @property
+    def validated(self) -> bool:
+        """Whether the offered simulator, corrected or with refitted parameters only, passed validation."""
+        return self.fit is not None and self.fit.validated
+
+    @property
+    def offered(self) -> str:
+        """The simulator that is offered, as given if no other is better."""
+        return self.fit.offered if self.fit is not None else AS_GIVEN
+
+    def to_json(self) -> dict[str, Any]:
+        """verdict.json."""
+        out = to_json(self)
+        return {"schema": SCHEMA, **out, "fit": out["fit"] or {}, "budget": out["budget"] or {}}
+
+    @staticmethod
+    def read(verdict: Mapping[str, Any]) -> Verdict:
+        """Verdict from verdict.json, without forces along the drives. Raises KeyError, TypeError or
+        ValueError for invalid content."""
+        fit, budget = verdict["fit"] or None, verdict["budget"] or None
+        if fit is not None:
+            fit = {"offered": CORRECTION if fit["validated"] else AS_GIVEN, **fit}
+        return from_json(Verdict, {**verdict, "fit": fit, "budget": budget})

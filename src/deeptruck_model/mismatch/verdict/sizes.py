@@ -1,0 +1,109 @@
+"""Sizes of a finding: fitted parameters with their intervals, and the selected constants."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import truncnorm
+
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column
+from deeptruck_model.mismatch.mechanisms.courses import EachDrive
+from deeptruck_model.mismatch.posterior.posterior import Posterior
+from deeptruck_model.mismatch.posterior.regression import changed_by
+from deeptruck_model.mismatch.residual.evidence import Evidence, unit
+from deeptruck_model.mismatch.residual.expression import Rerun
+from deeptruck_model.mismatch.residual.noise import Z95
+from deeptruck_model.mismatch.verdict.result import Size, is_by_drive
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+PER_MASS = ("N", "N m", "W")  # units of constants that are specific
+MAIN_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
+
+
+def picked(term: CandidateTerm, e: Evidence) -> dict[str, Size]:
+    """Selected constants as sizes without an interval; of two with one name, the first."""
+    out: dict[str, Size] = {}
+    for name, value, of in term.settings():
+        if of in PER_MASS:
+            out.setdefault(name, Size(value * e.unit.scale, e.unit.of(of)))
+        else:
+            out.setdefault(name, Size(value, unit(of, e.command_units) if of.endswith("_command") else of))
+    return out
+
+
+def sizes_of(term: CandidateTerm, p: Posterior, given: Mask) -> dict[str, Size]:
+    """The main sizes of a form by name, with the intervals of the `given` draws: coefficients whose force is
+    nearest to that of each draw. Columns of one name, from a merged term, add up to one size.
+
+    An effect that acts on held-out recordings only was not fitted, and has no size. A delay is not known
+    better than the arrival time of a command within a sample. A size whose interval holds zero is not
+    identified, and left out, unless it is that of one drive.
+    """
+    e, name = p.search.e, term.mechanism.effect
+    if not given.any():
+        return {}
+    drawn = p.on_columns(name, term.columns, given)
+    acts = np.abs(term.columns[e.to_fit().valid]).max(axis=0, initial=0.0) > 0.0
+    weights: dict[str, Array] = {}
+    columns: dict[str, Column] = {}
+    for k, part in enumerate(term.parts):
+        for of, weight in part.course or ((part.name, 1.0),):
+            factor = weight * part.factor * (e.unit.scale if part.per_mass else 1.0)
+            weights.setdefault(of, np.zeros(len(term.parts)))[k] = factor
+            columns[of] = part
+    sizes: dict[str, tuple[float, float, str]] = {
+        of: (
+            float((drawn @ g).mean()),
+            float(np.sqrt(np.var(drawn @ g) + timing(columns[of], e))),
+            e.unit.of(columns[of].unit) if columns[of].per_mass else columns[of].unit,
+        )
+        for of, g in weights.items()
+        if acts[g != 0.0].any()
+    }
+    gain = e.signals.get("effective_mass_gain")
+    turning = 1.0 if gain is None else float(np.median(gain[e.valid]))
+    main = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:MAIN_PARAMETERS]
+    of_drive = all(isinstance(v.course, EachDrive) for v in term.variants)
+    out = {
+        of: bounded(columns[of], value, sd, unit, e, turning, of_drive=of_drive)
+        for of, (value, sd, unit) in sizes.items()
+        if of in main
+    }
+    return {
+        of: x for of, x in out.items() if is_by_drive(of) or x.ci95 is None or x.ci95[0] * x.ci95[1] > 0.0
+    }
+
+
+def bounded(
+    part: Column, value: float, sd: float, unit: str, e: Evidence, turning: float, *, of_drive: bool = False
+) -> Size:
+    """A size with its 95 % interval within physical limits, at which its distribution is truncated.
+
+    A mass acts nonlinearly (`changed_by`); `turning` is the share of it that does not rotate. A mass
+    `of_drive` is relative to the simulator as given and not as refitted, whose mass may itself be wrong by
+    `nearly_right`.
+    """
+    ends = np.array([-Z95, 0.0, Z95]) * sd + value
+    shift = 0.0
+    if unit in ("kg", "1") and part.unit == "kg":
+        whole = e.mass if e.unit.scale > 1.0 else 1.0
+        least, middle, most = (whole * changed_by("mass", x / whole, turning) for x in ends)
+        own = e.rules.nearly_right * whole if of_drive else 0.0
+        ends = middle + np.array([-np.hypot(middle - least, own), 0.0, np.hypot(most - middle, own)])
+        low, high = (whole * x for x in e.vehicle.possible("mass"))
+        shift = whole - whole / (1.0 + e.moved.get("mass", 0.0)) if of_drive else 0.0
+    else:
+        low, high = -part.most, part.most
+    if sd and np.isfinite([low, high]).any():
+        mean, wide = float(ends[1]), max(float(ends[2] - ends[0]) / (2.0 * Z95), 1e-12)
+        cut = truncnorm((low - mean) / wide, (high - mean) / wide, mean, wide)
+        ends = np.array(cut.ppf([0.025, 0.5, 0.975]))
+    ends = ends + shift
+    return Size(float(ends[1]), unit, (float(ends[0]), float(ends[2])) if sd else None)
+
+
+def timing(part: Column, e: Evidence) -> float:
+    """Variance (s^2) of a time because the arrival of a command is known only to a quarter of a row."""
+    return (e.dt / 4) ** 2 / 3 if part.unit == "s" and isinstance(part.expression, Rerun) else 0.0

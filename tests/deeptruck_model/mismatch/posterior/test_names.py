@@ -1,0 +1,131 @@
+"""Names read from draws that were made by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deeptruck_model.mismatch.mechanisms.families import SLOW
+from deeptruck_model.mismatch.posterior.names import Explanation, Names, names
+from deeptruck_model.mismatch.residual.evidence import DriveRows
+from deeptruck_model.mismatch.rules import Rules
+
+DRAWS = 100
+RULES = Rules()
+LAG, FADE, WIND, DRAG = "brake_lag", "brake_fade", "headwind", "drag_area"
+OTHERS = ("turbo_lag", "payload_change", "command_delay", "load_slosh")
+
+
+@dataclass
+class Draws:
+    """A posterior by the draws in which each name acts all along, and those in which it causes events."""
+
+    shares: Mapping[str, slice]
+    events: Mapping[str, slice] = field(default_factory=dict)
+    known_physics: bool = True
+    in_events = np.ones(3)
+    forces: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def of(self) -> list[Any]:
+        return [SimpleNamespace(name=n) for n in (*self.shares, SLOW)]
+
+    @property
+    def search(self) -> Any:
+        drives = (DriveRows("a", 0, 3, 0.0, False),)
+        e = SimpleNamespace(known_physics=self.known_physics, valid=np.ones(3, bool), dt=0.2, drives=drives)
+        return SimpleNamespace(own=None, rules=RULES, e=e)
+
+    def inside(self, name: str) -> np.ndarray:
+        out = np.zeros(DRAWS, dtype=bool)
+        out[self.shares.get(name, slice(0))] = True
+        return out
+
+    def acts(self, name: str) -> np.ndarray:
+        out = self.inside(name)
+        out[self.events.get(name, slice(0))] = True
+        return out
+
+    def gain(self, name: str) -> float:
+        return 10.0
+
+    def force(self, name: str, given: np.ndarray) -> np.ndarray:
+        assert given.any()
+        return np.full(3, self.forces.get(name, 0.0))
+
+
+def of(shares: Mapping[str, slice], **more: Any) -> Names:
+    return names(Draws(shares, **more))  # type: ignore[arg-type]
+
+
+def test_where_nothing_is_in_nothing_is_named() -> None:
+    found = of({LAG: slice(0), WIND: slice(0)})
+    assert (found.found, dict(found.tree.names), found.nothing) == ((), {}, 1.0)
+    assert found.explanations == (Explanation((), 1.0),)
+
+
+@pytest.mark.parametrize(("draws", "said"), [(49, False), (50, True), (100, True)])
+def test_a_name_is_said_from_one_half_on_with_its_probability_in_the_draws(draws: int, said: bool) -> None:
+    found = of({LAG: slice(draws), WIND: slice(0)})
+    assert [x.name for x in found.found] == [LAG] * said
+    assert found.tree.names == {LAG: pytest.approx(draws / DRAWS)}
+    assert found.nothing == pytest.approx(1.0 - draws / DRAWS)
+    assert all(x.tree.names == found.tree.names for x in found.found)
+
+
+def test_what_is_in_hardly_any_draw_is_left_out() -> None:
+    found = of({LAG: slice(100), WIND: slice(1)})
+    assert found.tree.names == {LAG: 1.0}
+    assert found.explanations == (Explanation((LAG,), 0.99), Explanation((LAG, WIND), 0.01))
+
+
+def test_names_in_the_place_of_each_other_are_one_finding() -> None:
+    (one,) = of({WIND: slice(0, 60), DRAG: slice(60, 95), LAG: slice(95, 98)}).found
+    assert one.tree.names == {WIND: 0.6, DRAG: 0.35, LAG: 0.03}
+    assert one.tree.credible(RULES.credible) == (WIND, DRAG)
+    assert one.tree.families == {"air_tyres_road": 0.95, "brakes": 0.03}
+    assert one.tree.stated(RULES.stated) == "air_tyres_road"
+
+
+def test_names_that_act_together_are_findings_of_their_own_and_a_family_is_no_sum() -> None:
+    both = of({LAG: slice(0, 95), FADE: slice(0, 90)})
+    assert [x.name for x in both.found] == [LAG, FADE]
+    assert both.tree.families == {"brakes": 0.95}
+
+
+def test_the_one_cause_of_events_has_its_probability_and_force_too() -> None:
+    (one,) = of({LAG: slice(0)}, events={LAG: slice(70)}).found
+    assert one.tree.names == {LAG: 0.7}
+    np.testing.assert_array_equal(one.force, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("known", "share", "accepted"), [(True, 60, True), (False, 60, False), (False, 95, True)]
+)
+def test_beside_a_learned_simulator_only_what_is_sure_is_accepted(
+    known: bool, share: int, accepted: bool
+) -> None:
+    (one,) = of({LAG: slice(share)}, known_physics=known).found
+    assert one.accepted is accepted
+
+
+def test_of_stated_names_the_one_that_adds_up_to_more_comes_first() -> None:
+    shares = {LAG: slice(100), FADE: slice(95), WIND: slice(60)}
+    said = [n.name for n in of(shares, forces={LAG: 0.02, FADE: -0.1, WIND: 1.0}).found]
+    assert said == [FADE, LAG, WIND]
+
+
+def test_no_more_names_than_a_verdict_may_have() -> None:
+    found = of(dict.fromkeys((LAG, WIND, *OTHERS), slice(100)))
+    assert len(found.found) == RULES.most_findings
+    assert len(found.tree.names) == 6
+
+
+def test_slow_drift_is_no_name() -> None:
+    found = of({SLOW: slice(80), LAG: slice(0)})
+    assert (found.found, dict(found.tree.names)) == ((), {})
