@@ -13,9 +13,10 @@ ENV PATH=/opt/deeptruck/bin:$PATH
 WORKDIR /opt/source
 COPY pyproject.toml constraints.txt README.md LICENSE ./
 COPY src src
+COPY exam exam
 COPY ros2_ws/src ros2_ws/src
 ARG TORCH_INDEX=
-RUN pip install --no-cache-dir ${TORCH_INDEX:+--extra-index-url $TORCH_INDEX} -c constraints.txt ".[all,fmu]"
+RUN pip install --no-cache-dir ${TORCH_INDEX:+--extra-index-url $TORCH_INDEX} -c constraints.txt ".[all,fmu]" ./exam
 
 # The base image's entry point sources ROS 2 before each command.
 WORKDIR /data

@@ -20,13 +20,13 @@ SHOWN = s/^ *(Downloading|Using cached) (.*\/)?([A-Za-z0-9_.]+)-[0-9].* \(([0-9.
 UNPACKED = s/^Installing collected packages:.*/  now unpacking them all, which takes a while without a sign/p
 .PHONY: demo test test-long test-hours coverage lint bench dist docs schemas clean setup
 
-$(STAMP): pyproject.toml constraints.txt
+$(STAMP): pyproject.toml exam/pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || \
 	  { echo "deeptruck needs Python 3.11, 3.12 or 3.13: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 2; }
 	@echo "setting up $(VENV), some minutes the first time; large packages as they come:"
 	@$(PYTHON) -m venv $(VENV)
 	@bash -o pipefail -c '$(BIN)/pip install --no-compile --disable-pip-version-check --progress-bar off $(INDEX) \
-	  -c constraints.txt -e ".[$(EXTRAS)]" 2> >(grep -v "$(HARMLESS)" >&2) | sed -unE "$(SHOWN);$(UNPACKED)"'
+	  -c constraints.txt -e ".[$(EXTRAS)]" -e exam 2> >(grep -v "$(HARMLESS)" >&2) | sed -unE "$(SHOWN);$(UNPACKED)"'
 	@touch $@
 
 setup: $(STAMP)
@@ -53,15 +53,16 @@ test-hours: setup
 # Lines of the packages that `make test` runs, and build/coverage/index.html. Compiled loops and processes that tests
 # start are not counted.
 coverage: setup
-	$(BIN)/python -m pytest --cov=src --cov=benchmarks --cov-report=term --cov-report=html:build/coverage
+	$(BIN)/python -m pytest --cov=src --cov=exam/src --cov=benchmarks --cov-report=term --cov-report=html:build/coverage
 
 bench: setup
 	for b in benchmarks/bench_*.py; do $(BIN)/python $$b || exit 1; done
 
-# Wheel and sdist in build/dist, the wheel made from the sdist, which must therefore be whole.
+# Wheels and sdists in build/dist, each wheel made from its sdist, which must therefore be whole.
 dist: setup
 	rm -rf build/dist
 	$(BIN)/python -m build --no-isolation --outdir build/dist
+	$(BIN)/python -m build --no-isolation --outdir build/dist exam
 	$(BIN)/python -m twine check --strict build/dist/*
 
 # What documents have from the source: the JSON Schemas, by which editors check files, and tables of pages.

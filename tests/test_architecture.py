@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-SOURCES = (ROOT / "src", ROOT / "ros2_ws" / "src" / "deeptruck_nodes")
+SOURCES = (ROOT / "src", ROOT / "exam" / "src", ROOT / "ros2_ws" / "src" / "deeptruck_nodes")
 OURS = (
     "deeptruck_core",
     "deeptruck_model",
@@ -266,7 +266,8 @@ def project() -> tuple[set[str], dict[str, set[str]]]:
     """Required distributions, and those of each extra."""
     table = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = {
-        name: distributions(listed) - {"deeptruck"} for name, listed in table["optional-dependencies"].items()
+        name: distributions(listed) - {"deeptruck", "deeptruck-exam"}
+        for name, listed in table["optional-dependencies"].items()
     }
     return distributions(table["dependencies"]), extras
 

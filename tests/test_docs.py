@@ -246,7 +246,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 def test_the_pages_that_the_source_names_are_there() -> None:
-    files = [*(ROOT / "src").rglob("*.py"), *(ROOT / "ros2_ws").glob("*.py")]
+    files = [*(ROOT / "src").rglob("*.py"), *(ROOT / "exam").rglob("*.py"), *(ROOT / "ros2_ws").glob("*.py")]
     named = {page for path in files for page in re.findall(r"\bdocs/[\w/]+\.md", path.read_text())}
     assert len(named) > 5
     assert not {page for page in named if not (ROOT / page).is_file()}

@@ -10,21 +10,14 @@ import sys
 import sysconfig
 import tomllib
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 NODES = Path("ros2_ws/src/deeptruck_nodes")
-PACKAGES = {
-    "deeptruck_core",
-    "deeptruck_model",
-    "deeptruck_exam",
-    "deeptruck_cacc",
-    "truck_bridge",
-    "deeptruck_nodes",
-}
+PACKAGES = {"deeptruck_core", "deeptruck_model", "deeptruck_cacc", "truck_bridge", "deeptruck_nodes"}
 SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
 LEFTOVERS = ("__pycache__", "*.egg-info", "build")
 COLUMNS = """
@@ -55,24 +48,27 @@ def call(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of what a build reads: setuptools leaves folders beside what it builds."""
+    """A copy of what builds read: setuptools leaves folders beside what it builds."""
     source = tmp_path_factory.mktemp("source")
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
-    for folder in ("src", NODES):
+    for folder in ("src", "exam", NODES):
         shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns(*LEFTOVERS))
     return source
 
 
-@pytest.fixture(scope="module")
-def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built by pip, offline."""
-    out = tmp_path_factory.mktemp("wheel")
+def wheel_of(source: Path, out: Path) -> Path:
+    """The wheel of a folder, built by pip, offline."""
     build = (sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--no-index")
-    built = call(*build, "-w", out, source, cwd=out)
-    assert built.returncode == 0, built.stderr
+    done = call(*build, "-w", out, source, cwd=out)
+    assert done.returncode == 0, done.stderr
     (found,) = out.iterdir()
     return found
+
+
+@pytest.fixture(scope="module")
+def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return wheel_of(source, tmp_path_factory.mktemp("wheel"))
 
 
 @pytest.fixture(scope="module")
@@ -97,9 +93,9 @@ def run(programs: Path, tmp_path: Path) -> Call:
     return lambda program, *words: call(programs / program, *words, cwd=tmp_path)
 
 
-def files(source: Path) -> set[str]:
+def files(source: Path, packages: Collection[str] = PACKAGES) -> set[str]:
     """Paths of all files of our packages below a source folder, but for byte code."""
-    found = [path for name in PACKAGES for path in (source / name).rglob("*") if path.is_file()]
+    found = [path for name in packages for path in (source / name).rglob("*") if path.is_file()]
     return {path.relative_to(source).as_posix() for path in found if "__pycache__" not in path.parts}
 
 
@@ -115,6 +111,15 @@ def test_the_wheel_holds_every_file_and_no_other(wheel: Path) -> None:
         assert any(name.endswith(kind) for name in packed(wheel)), kind
     (listed,) = [name for name in inside.namelist() if name.endswith(".dist-info/top_level.txt")]
     assert set(inside.read(listed).decode().split()) == PACKAGES
+
+
+def test_the_exam_is_a_wheel_of_its_own_which_prove_asks_for(
+    source: Path, run: Call, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    exam = wheel_of(source / "exam", tmp_path_factory.mktemp("exam"))
+    assert packed(exam) == files(ROOT / "exam" / "src", ["deeptruck_exam"])
+    done = run("deeptruck-model", "prove", "--out", "proof")
+    assert done.returncode == 2 and "pip install 'deeptruck[exam]'" in done.stderr
 
 
 def test_every_package_comes_from_the_wheel(run: Call, programs: Path) -> None:

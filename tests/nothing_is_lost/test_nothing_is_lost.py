@@ -148,10 +148,10 @@ def test_no_two_commands_write_the_same_kind_and_all_are_tried_here() -> None:
 @cache
 def calls() -> list[tuple[str, ast.Call]]:
     """Every call in the source and in benchmarks, and the file that it is in."""
-    packages = (ROOT / "src", ROOT / "ros2_ws", ROOT / "examples", ROOT / "benchmarks")
+    packages = (ROOT / "src", ROOT / "exam", ROOT / "ros2_ws", ROOT / "examples", ROOT / "benchmarks")
     files = [path for package in packages for path in package.rglob("*.py")]
     return [
-        (path.relative_to(ROOT).as_posix().removeprefix("src/"), node)
+        (path.relative_to(ROOT).as_posix().removeprefix("exam/").removeprefix("src/"), node)
         for path in (*files, ROOT / "demo.py")
         if not {"build", "install"} & {*path.parts}
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))

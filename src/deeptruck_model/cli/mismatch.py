@@ -325,7 +325,12 @@ def prove(
     Example: deeptruck-model prove --out real --real logs
     Example: deeptruck-model prove --plant fastsim --out foreign
     """
-    from deeptruck_exam.folder import check, check_plant, check_real
+    try:
+        from deeptruck_exam.folder import check, check_plant, check_real
+    except ImportError:
+        raise InputError(
+            "the exam is a distribution of its own: pip install 'deeptruck[exam]', of a checkout ./exam"
+        ) from None
 
     if plant is not None:
         check_plant(plant, out)

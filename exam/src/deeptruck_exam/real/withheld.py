@@ -24,7 +24,7 @@ from deeptruck_exam.tool import run_tool, summary
 from deeptruck_model import simulators
 from deeptruck_model.recordings import Recording, import_table, read, split, write_bag
 
-LAYOUTS = Path(__file__).parents[3] / "layouts" / "columns"
+LAYOUTS = Path(__file__).parents[4] / "layouts" / "columns"
 WINDOW_S = 21.0
 HIDE = ("elevation", "grade", "latitude", "longitude")
 
