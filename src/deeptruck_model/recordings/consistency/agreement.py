@@ -280,7 +280,9 @@ def _grade_by_motion(recordings: Sequence[Recording]) -> Iterator[Doubt]:
     names = ("grade", "engine_command", "brake_command", "speed")
     rise, grade, engine, brake, speed = windows(recordings, WINDOW_S, "speed", *names)
     fall = GRAVITY * np.sin(np.arctan(grade))
-    use = np.isfinite(rise + fall + engine) & (speed > DRIVING_M_S) & ~(brake > 0.0)
+    braked = brake > 0.0
+    braked[1:] |= braked[:-1]  # brakes let go late
+    use = np.isfinite(rise + fall + engine) & (speed > DRIVING_M_S) & ~braked
     if use.sum() < LEAST_DRIVEN or not all(x[use].std() for x in (rise, fall, engine)):
         return
     rise, fall, engine, speed = rise[use], fall[use], engine[use], speed[use]

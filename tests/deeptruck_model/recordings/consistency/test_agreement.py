@@ -11,7 +11,10 @@ import yaml
 from csv_tables import drive, speed, write_csv
 
 from deeptruck_core.errors import InputError
+from deeptruck_model import trucks
 from deeptruck_model.recordings import import_table, suggest_columns
+from deeptruck_model.recordings.consistency import agreement
+from deeptruck_model.trucks import driving_cycles
 
 D = drive(6000)
 T, V = D["t"], speed(D["t"])
@@ -95,3 +98,19 @@ def test_a_pedal_beside_one_in_counts_is_asked_for(tmp_path: Path) -> None:
                "brake_pedal": np.round(np.clip(3 * D["brake"], 0, 61))}  # fmt: skip
     channels, text = proposed(columns, tmp_path)
     assert "brake_command" not in channels and "the other pedal is in counts" in text
+
+
+class LateBrake:
+    """Brake pressure follows its command with a time constant of 0.6 s."""
+
+    def reset(self, batch: int) -> None:
+        self.arrived = np.zeros(batch)
+
+    def filter(self, u: Any, time: float, dt: float) -> Any:
+        self.arrived += (u[:, 1] - self.arrived) * (1 - np.exp(-dt / 0.6))
+        return np.stack([u[:, 0], self.arrived], axis=1)
+
+
+def test_brakes_that_let_go_late_make_no_slope_doubtful() -> None:
+    truck = trucks.load("trucksim").with_forces([], [LateBrake()])
+    assert not [*agreement.grade_doubts([driving_cycles.drive(truck, seconds=300.0, seed=0)])]
