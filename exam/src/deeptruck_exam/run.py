@@ -105,7 +105,7 @@ def held_out_errors(case: Case, truth: Mapping[str, Any]) -> dict[str, Mapping[s
     road = kept["grade"][rows][:, :, None] if blind and truth["simulator"] != "deep" else w
     errors["oracle"] = open_loop(oracle, u, road, y, kept["extra"][rows][:, : y.shape[1]]).rmse()
     corrected = case.folder / "found" / "simulator"
-    errors["tool"] = errors["before"]  # a tool that hands over nothing improves nothing
+    errors["tool"] = errors["before"]  # a tool that offers nothing improves nothing
     if (corrected / simulators.MANIFEST).exists():
         errors["tool"] = open_loop(simulators.load(corrected), u, w, y).rmse()
     return errors

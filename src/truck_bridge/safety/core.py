@@ -115,8 +115,8 @@ class Safety:
         `gap`: m to the vehicle ahead, and needed behind it; NaN where the controller does not say. `goes_on`:
         demands of braking axes that what is ahead needs should control be lost after this call.
 
-        `engaged` is the bridge's engaged bit as the controller received it last; False for too long ends
-        control. A demand that is NaN, missing or outside the envelope is refused: the result is False and
+        `engaged` is the bridge's engaged bit as the controller received it last; False for too long
+        is a loss. A demand that is NaN, missing or outside the envelope is refused: the result is False and
         control fades.
         """
         brakes = {axis.name: axis.limits for axis in self.table.axes if axis.brakes}
@@ -220,7 +220,7 @@ class Safety:
     def link(self, up: bool) -> None:
         """Bus off, interface unplugged, address lost (False), or all of them well again (True).
 
-        Without a link nothing can be handed back in order, so control ends at once; a link that returns
+        Without a link no release can be sent, so control is handed back at once; a link that returns
         re-engages nothing.
         """
         if not up and self.state in (*IN_CONTROL, State.RELEASING):

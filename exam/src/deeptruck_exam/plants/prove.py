@@ -1,4 +1,4 @@
-"""`prove --plant`: conceals one property at a time of a vehicle by other authors, and runs the tool."""
+"""`prove --plant`: hides one property at a time of a vehicle by other authors, and runs the tool."""
 
 from __future__ import annotations
 
