@@ -15,7 +15,7 @@ from deeptruck_core.errors import InputError
 from deeptruck_model.mismatch.prepare.one_road import STEP_M, headed
 from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.roads.shared_roads import CELL_M, Cell, cells, name
+from deeptruck_model.mismatch.roads.shared_roads import CELL_M, Cell, cells, name_of_cell
 
 SLOPES = "slopes.csv"
 NUMBERS = ("latitude", "longitude", "heading", "slope", "variance")
@@ -59,7 +59,7 @@ def slopes(e: Evidence, drives: Sequence[Prepared]) -> list[dict[str, Any]]:
     for (cell, drive), passed in sorted(out.items()):
         m, value, latitude, longitude, heading = np.array(passed).T
         if m.sum() >= LEAST_M:
-            here = {"cell": name(cell), "latitude": latitude.mean(), "longitude": longitude.mean()}
+            here = {"cell": name_of_cell(cell), "latitude": latitude.mean(), "longitude": longitude.mean()}
             here |= {"heading": mean_heading(heading), "slope": m @ value / m.sum(), "drive": drive}
             found.setdefault(cell, []).append(here)
     again = sum(len(rows) - 1 for rows in found.values())

@@ -33,7 +33,7 @@ from deeptruck_model.mismatch.residual.gather import COMPARING, gather
 from deeptruck_model.mismatch.residual.unrecorded import left_to_compare
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.verdict import wording
-from deeptruck_model.mismatch.verdict.conclude import Stated, conclude, tolerated, tree, unusable
+from deeptruck_model.mismatch.verdict.conclude import Stated, conclude, name_tree, tolerated, unusable
 from deeptruck_model.mismatch.verdict.findings import findings
 from deeptruck_model.mismatch.verdict.road import road
 from deeptruck_model.mismatch.verdict.where import located
@@ -109,7 +109,7 @@ def stated(c: Compared, correction: Correction, driven: Validated) -> Stated:
     slope = road(c.search.e.everywhere())
     error, tolerance = tolerated(c, driven)
     found = findings(c, correction, slope, error, tolerance)
-    nodes = tree(c, slope)
+    nodes = name_tree(c, slope)
     channels = witnesses(c.search, c.drives.prepared, c.budget)
     return Stated(found, *located(c.fitted, found), nodes, channels)
 

@@ -57,7 +57,7 @@ def free_runs(
     rows = [_rows(prepared, n) for (_, prepared), n in zip(jobs, steps, strict=True)]
     found = [_errors((), np.zeros((0, 0, 2)), n) for n in steps]
     channels = [_common(own) for own in rows]
-    for simulator, members in side_by_side.groups([s for s, _ in jobs], list(map(len, rows)), channels):
+    for simulator, members in side_by_side.batches([s for s, _ in jobs], list(map(len, rows)), channels):
         predicted = _run(simulator, [row for k in members for row in rows[k]], steps[members[0]], exogenous)
         ends = np.cumsum([len(rows[k]) for k in members])
         for k, part in zip(members, np.split(predicted, ends[:-1]), strict=True):

@@ -17,7 +17,7 @@ from deeptruck_model.simulators import Simulator
 Group = tuple[Simulator | TruckWithForces, list[int]]
 
 
-def groups(
+def batches(
     trucks: Sequence[Simulator], rows: Sequence[int], channels: Sequence[tuple[str, ...]]
 ) -> list[Group]:
     """For each batch: the simulator that runs it, and the trucks whose rows it holds, in order.

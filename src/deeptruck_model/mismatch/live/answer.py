@@ -71,7 +71,7 @@ def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules
         return NamesReply(c.unusable_because or "")
     found = findings(c, None, None, c.budget.speed_rmse, rules.visible)
     stated = [f for f in found if f.stated != ROOT or f.effect == UNKNOWN]
-    nodes = conclude.tree(c, None)
+    nodes = conclude.name_tree(c, None)
     if stated:
         says = " ".join(lines.cause(f) for f in stated)
     elif found:

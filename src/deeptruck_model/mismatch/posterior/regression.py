@@ -103,7 +103,7 @@ class Regression:
         self._parameter_sd = parameter_sd
         self.e, self.rules = evidence, evidence.rules
         self.parameters = tuple(evidence.sensitivity)
-        self.lateness, self._lateness_prior = sensor_filter.known(evidence)
+        self.lateness, self._lateness_prior = sensor_filter.sensor_terms(evidence)
         self.series: Series = evidence.series(1e9, only)
         if sigma is None:
             sigma = fit(self.series, *self._design((), frozenset(self.parameters))[:2]).sigma

@@ -173,13 +173,13 @@ def _sensors(
     """Faults between sensors, and the drives without them."""
     measured = checks.acceleration_is_measured(drives)
     faults = checks.sensor_faults(drives, rules) if measured else []
-    faults = _by_commands(simulator, list(compress(drives, to_fit)), faults)
-    sound = _corrected(simulator, drives, faults, measured)
+    faults = by_commands(simulator, list(compress(drives, to_fit)), faults)
+    sound = corrected_drives(simulator, drives, faults, measured)
     if unusable(list(compress(sound, to_fit)), rejected) is None:
-        speed_unit.check(simulator, sound)
-        if scaled := speed_unit.faults(simulator, sound, rules):
+        speed_unit.check_speed_unit(simulator, sound)
+        if scaled := speed_unit.speed_scale_faults(simulator, sound, rules):
             faults = [*faults, *scaled]
-            sound = _corrected(simulator, drives, faults, measured)
+            sound = corrected_drives(simulator, drives, faults, measured)
     return faults, sound
 
 
@@ -215,7 +215,7 @@ def _excluding(p: Prepared, spans: Sequence[Span]) -> Prepared:
     return replace(p, valid=valid)
 
 
-def _by_commands(
+def by_commands(
     simulator: Simulator, drives: Sequence[Recording], faults: Sequence[checks.SensorFault]
 ) -> list[checks.SensorFault]:
     """The faults; a lag or scale between speed and acceleration is attributed to the sensor whose correction
@@ -234,7 +234,7 @@ def _misfits(
 ) -> list[float]:
     """Sum of squared residuals in rows valid in all variants, for the drives corrected by each list of
     faults."""
-    prepared = [_corrected(simulator, drives, faults, measured=True) for faults in each]
+    prepared = [corrected_drives(simulator, drives, faults, measured=True) for faults in each]
     rows = np.all([np.concatenate([p.valid for p in one]) for one in prepared], axis=0)
     out = []
     for one in prepared:
@@ -244,7 +244,7 @@ def _misfits(
     return out
 
 
-def _corrected(
+def corrected_drives(
     simulator: Simulator, drives: Sequence[Recording], faults: Sequence[checks.SensorFault], measured: bool
 ) -> list[Prepared]:
     return [prepare(checks.corrected(r, faults), measured, simulator.interface) for r in drives]

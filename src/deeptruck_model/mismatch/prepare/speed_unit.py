@@ -34,7 +34,7 @@ SCALED = (
 )
 
 
-def check(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
+def check_speed_unit(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
     """Raises InputError if speed and engine speed of the first drive that has both differ by the factor of a
     unit. Other factors are inconclusive, because tyres and axles differ."""
     first = next((p for p in prepared if "engine_speed" in p.recording.channels), None)
@@ -48,21 +48,21 @@ def check(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
         )
 
 
-def faults(simulator: Simulator, prepared: Sequence[Prepared], rules: Rules) -> list[SensorFault]:
+def speed_scale_faults(simulator: Simulator, prepared: Sequence[Prepared], rules: Rules) -> list[SensorFault]:
     """A scale fault of speed that no accelerometer reading could confirm; empty if there is none or it cannot
     be checked. Positions check it for any truck; without them engine speed does, if the simulator has the
     truck's tyres and axles."""
     if any(p.measured_acceleration for p in prepared):
         return []
     ratios = [driven_by_positions(p) for p in prepared]
-    by_place = _scaled(ratios) if sum(map(len, ratios)) >= FEWEST else None
+    by_place = _common_factor(ratios) if sum(map(len, ratios)) >= FEWEST else None
     if by_place is not None:
         return _beyond(by_place, rules, PLACED, "speed = k * speed by positions", BY_PLACE)
-    by_engine = _scaled([_ratios(simulator, p, same_gear=True) for p in prepared])
+    by_engine = _common_factor([_ratios(simulator, p, same_gear=True) for p in prepared])
     return _beyond(by_engine, rules, SCALED, "speed = k * speed by engine", BETWEEN)
 
 
-def _scaled(drives: Sequence[Array]) -> tuple[float, float] | None:
+def _common_factor(drives: Sequence[Array]) -> tuple[float, float] | None:
     """The common factor of the ratios of all drives, each (m,), and its standard error; None if there is
     none."""
     drives = [x for x in drives if len(x)]

@@ -23,7 +23,7 @@ TICKS, MOST_TICKS = (1, 2, 5, 10, 20, 50, 100), 7
 SERIES = {"pulling": "explained", "coasting": "observed"}  # the class that colours it
 
 
-def figure(e: Evidence, units: str = "m/s") -> str:
+def force_over_speed(e: Evidence, units: str = "m/s") -> str:
     """Median and quartiles of the force that is missing, as means over MEAN_S, in bins of speed, as SVG; ''
     where nothing is compared. Forces are in `e.unit`, speeds in `units`."""
     binned = {name: list(_binned(e, rows)) for name, rows in _rows(e).items()}

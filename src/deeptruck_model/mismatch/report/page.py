@@ -111,7 +111,7 @@ def _content(found: Mismatch, command: str, units: str) -> dict[str, Any]:
         "where": _where(v),
         "events": bool(v.events),
         "has_data": e is not None,
-        "over_speed": over_speed.figure(e, units) if e is not None else "",
+        "over_speed": over_speed.force_over_speed(e, units) if e is not None else "",
         "force_unit": e.unit.name if e is not None else "",
         "data": explorer_data.text(found, e) if e is not None else "",
     }

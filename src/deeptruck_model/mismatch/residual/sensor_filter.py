@@ -26,12 +26,12 @@ SHARE = 0.06  # ... and the prior sd of each
 SAMPLES = 1.0  # prior sd: by so many a truck decides sooner or later than its simulator, as when to shift
 
 
-def known(e: Evidence) -> tuple[Array, Prior]:
+def sensor_terms(e: Evidence) -> tuple[Array, Prior]:
     """Columns (n, k), m/s^2, and the prior of their shares."""
     least = e.rules.least_delay_s
     late = [-e.difference(e.simulated), e.rerun("delay_all", least) / least]
     slope = _late_slope(e)
-    filtered = _shifted(e, rows(e))
+    filtered = _shifted(e, filter_reach(e))
     sooner = [] if e.sooner is None else [e.sooner]
     prior = Prior.join(
         SENSOR_LAG,
@@ -60,7 +60,7 @@ def _late_slope(e: Evidence) -> list[Array]:
     return [-GRAVITY * gain * turns]
 
 
-def rows(e: Evidence) -> int:
+def filter_reach(e: Evidence) -> int:
     """Rows before and after a sample that a filter reaches; none if the sample period is too long for one, as
     for a learned simulator."""
     return int(REACH_S / e.dt + ROUNDING)

@@ -57,7 +57,7 @@ class SharedRoads:
         rows = csv.DictReader(io.StringIO(reading.text(path, FLEET_FIRST)))
         possible, slopes = channel_of("grade"), dict[Cell, float]()
         try:
-            texts = [(rows.line_num, named(row["cell"]), row["slope"].strip()) for row in rows]
+            texts = [(rows.line_num, cell_named(row["cell"]), row["slope"].strip()) for row in rows]
         except (KeyError, AttributeError, ValueError, csv.Error):
             raise InputError(f"{path} is no table of shared roads; {FLEET_FIRST}") from None
         for line, cell, text in texts:
@@ -87,12 +87,12 @@ class SharedRoads:
         return np.where(near, np.interp(driven, known * STEP_M, slope[known]), np.nan)
 
 
-def named(text: str) -> Cell:
+def cell_named(text: str) -> Cell:
     """The cell for a name in roads.csv. Raises ValueError for other text."""
     row, column, way = text.split(":")
     return int(row), int(column), way
 
 
-def name(cell: Cell) -> str:
+def name_of_cell(cell: Cell) -> str:
     """The name of a cell in roads.csv."""
     return ":".join(map(str, cell))

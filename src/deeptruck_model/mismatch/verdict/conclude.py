@@ -74,7 +74,7 @@ def conclude(c: Compared, correction: Correction, driven: Validated, stated: Sta
     )
 
 
-def tree(c: Compared, slope: Road | None) -> tuple[Node, ...]:
+def name_tree(c: Compared, slope: Road | None) -> tuple[Node, ...]:
     """The tree of the unrecorded slope if it states a name; else the probabilities of all names, after that
     of none."""
     if slope is not None and slope.tree.stated(c.search.rules.stated) != ROOT:

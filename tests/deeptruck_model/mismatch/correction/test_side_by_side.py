@@ -89,7 +89,7 @@ class _Plain:
 def test_parameters_go_together_where_the_simulator_takes_them_by_row() -> None:
     def sizes(truck: Simulator) -> list[int]:
         changed = [CorrectedTruck(truck, [DRAG], {"mass": m}, None, False) for m in (0.1, 0.1, 0.2)]
-        return sorted(len(own) for _, own in side_by_side.groups(changed, [1, 1, 1], [()] * 3))
+        return sorted(len(own) for _, own in side_by_side.batches(changed, [1, 1, 1], [()] * 3))
 
     assert sizes(TRUCK) == [3]
     assert sizes(_Plain(TRUCK)) == [1, 2]  # type: ignore[arg-type]

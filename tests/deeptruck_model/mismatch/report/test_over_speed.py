@@ -24,7 +24,7 @@ def test_a_force_that_acts_only_while_coasting_is_seen_there_alone() -> None:
     force = -0.1 * e.unit.scale
     assert np.allclose([median for _, _, median, _ in coasting], force)
     assert max(s for s, *_ in coasting) < min(s for s, *_ in pulling) + 3.0
-    picture = over_speed.figure(e, "km/h")
+    picture = over_speed.force_over_speed(e, "km/h")
     assert len(re.findall("<polyline", picture)) == 2 and "speed, km/h" in picture
     shown = [float(x) for x in re.findall(r"middle\">([0-9]+)<", picture)]
     assert 70.0 < max(shown) < 90.0
@@ -32,4 +32,4 @@ def test_a_force_that_acts_only_while_coasting_is_seen_there_alone() -> None:
 
 def test_nothing_compared_has_no_picture() -> None:
     e = evidence()
-    assert over_speed.figure(replace(e, valid=np.zeros(len(e), dtype=bool))) == ""
+    assert over_speed.force_over_speed(replace(e, valid=np.zeros(len(e), dtype=bool))) == ""

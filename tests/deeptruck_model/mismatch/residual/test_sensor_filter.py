@@ -38,7 +38,7 @@ def test_nothing_makes_up_for_it(smoothed: Evidence, monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize(("dt", "shares"), [(0.2, 6), (0.5, 2), (1.0, 0)])
 def test_it_reaches_as_far_as_a_sensors_filter(nothing_missing: Evidence, dt: float, shares: int) -> None:
-    columns, prior = sensor_filter.known(replace(nothing_missing, dt=dt))
+    columns, prior = sensor_filter.sensor_terms(replace(nothing_missing, dt=dt))
     assert columns.shape == (len(nothing_missing), 2 + shares)
     assert len(prior.mean) == 2 + shares
 
@@ -46,7 +46,7 @@ def test_it_reaches_as_far_as_a_sensors_filter(nothing_missing: Evidence, dt: fl
 def test_it_does_not_reach_into_another_drive(nothing_missing: Evidence) -> None:
     e = nothing_missing
     where = e.record.astype(float)  # the same all along each drive
-    columns, _ = sensor_filter.known(replace(e, simulated=where))
+    columns, _ = sensor_filter.sensor_terms(replace(e, simulated=where))
     assert len(e.drives) > 1
     assert np.abs(columns[:, 2:]).max() == 0.0
 
@@ -79,7 +79,7 @@ def test_a_hole_in_the_recorded_slope_is_no_turn_of_the_road(nothing_missing: Ev
     grade = np.full(len(nothing_missing), 0.05)
     grade[200:230] = np.nan
     whole = replace(nothing_missing, signals=nothing_missing.signals | {"grade": grade})
-    columns, _ = sensor_filter.known(whole)
+    columns, _ = sensor_filter.sensor_terms(whole)
     assert np.abs(columns[:, 2]).max() < 1e-9
 
 
