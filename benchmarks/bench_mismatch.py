@@ -35,7 +35,7 @@ from deeptruck_model.mismatch import Mismatch
 from deeptruck_model.mismatch.find import called, compared, concluded
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
 from deeptruck_model.mismatch.mechanisms.families import FAMILY, LEFT_OVER, ROOT, UNKNOWN
-from deeptruck_model.mismatch.posterior.comparison import Compared
+from deeptruck_model.mismatch.posterior.names import Compared
 from deeptruck_model.mismatch.rules import Rules
 
 NULL = "nothing_missing"

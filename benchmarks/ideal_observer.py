@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_exam.cases.build import DT
-from deeptruck_model.mismatch.posterior.comparison import Compared
 from deeptruck_model.mismatch.posterior.kernels import Kernel
+from deeptruck_model.mismatch.posterior.names import Compared
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, Reduced, State, most_probable
-from deeptruck_model.mismatch.residual.forced import Grid
+from deeptruck_model.mismatch.residual.evidence import Grid
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import yaml
 from deeptruck_core import files
 from deeptruck_core.terminal import console
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.correction.strength import acts
+from deeptruck_model.mismatch.correction.fit_result import acts
 from deeptruck_model.recordings import write_bag
 from deeptruck_model.trucks import driving_cycles
 

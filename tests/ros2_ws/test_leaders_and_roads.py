@@ -11,7 +11,7 @@ import pytest
 
 from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.roads.shared_roads import CELL_DEG
+from deeptruck_model.mismatch.slopes import CELL_DEG
 from deeptruck_model.recordings import write_bag
 from deeptruck_model.trucks import driving_cycles
 from deeptruck_nodes import leaders, roads

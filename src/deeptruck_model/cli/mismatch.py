@@ -29,7 +29,7 @@ from deeptruck_model.results import BAG_WITH_ROAD, FOUND, apart
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
     from deeptruck_model.mismatch.mechanisms import Mechanism
-    from deeptruck_model.mismatch.roads.shared_roads import SharedRoads
+    from deeptruck_model.mismatch.slopes import SharedRoads
 
 Bags = Annotated[
     list[Path], typer.Option(help="Recordings (bags) to explain; repeat the option or list several.")
@@ -268,7 +268,7 @@ def road(
         lambda: checks.inputs(None, recordings, mapped=mapped(topic_map)),
     )
     from deeptruck_model import recordings as rec
-    from deeptruck_model.mismatch.roads.recovered_road import Roads, with_road
+    from deeptruck_model.mismatch.slopes import Roads, with_road
 
     roads = shared_roads() if fleet else Roads.read(directory)
     read = rec.read_all(recordings, topic_map=topic_map, clock=clock, msg=msg or ())
@@ -281,7 +281,7 @@ def road(
 
 def _shared_roads(table: Path) -> SharedRoads:
     """The shared roads in a table. Raises InputError for any other table."""
-    from deeptruck_model.mismatch.roads.shared_roads import SharedRoads
+    from deeptruck_model.mismatch.slopes import SharedRoads
 
     return SharedRoads.read(table)
 

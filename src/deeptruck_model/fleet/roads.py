@@ -22,7 +22,7 @@ from deeptruck_model.fleet.slopes import COLUMNS, SLOPES, mean_heading, written
 from deeptruck_model.fleet.slopes import NUMBERS as SLOPE_NUMBERS
 from deeptruck_model.fleet.statistics import pooled
 from deeptruck_model.fleet.storage import Place, code, key
-from deeptruck_model.mismatch.roads.shared_roads import CELL_DEG, CELL_M
+from deeptruck_model.mismatch.slopes import CELL_DEG, CELL_M
 
 ROADS, TABLE = "roads.json", "roads.csv"
 NUMBERS = ("latitude", "longitude", "heading", "slope", "low", "high", "trucks", "drives")

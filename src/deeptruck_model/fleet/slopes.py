@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.errors import InputError
-from deeptruck_model.mismatch.prepare.one_road import STEP_M, headed
+from deeptruck_model.mismatch.prepare.places import STEP_M, headed
 from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.roads.shared_roads import CELL_M, Cell, cells, name_of_cell
+from deeptruck_model.mismatch.slopes import CELL_M, Cell, cells, name_of_cell
 
 SLOPES = "slopes.csv"
 NUMBERS = ("latitude", "longitude", "heading", "slope", "variance")

@@ -19,9 +19,8 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
 from deeptruck_model.mismatch.mechanisms.families import check_excluded, joined
 from deeptruck_model.mismatch.mechanisms.own import check_extras, checked, not_compared
 from deeptruck_model.mismatch.posterior.budget import budget
-from deeptruck_model.mismatch.posterior.comparison import Compared
 from deeptruck_model.mismatch.posterior.events import without_events
-from deeptruck_model.mismatch.posterior.names import names
+from deeptruck_model.mismatch.posterior.names import Compared, names
 from deeptruck_model.mismatch.posterior.posterior import gains
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters, with_own_error
@@ -30,14 +29,13 @@ from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.report.found import Mismatch
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import COMPARING, gather
-from deeptruck_model.mismatch.residual.unrecorded import left_to_compare
+from deeptruck_model.mismatch.residual.left_out import left_to_compare
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.verdict import wording
-from deeptruck_model.mismatch.verdict.conclude import Stated, conclude, name_tree, tolerated, unusable
+from deeptruck_model.mismatch.verdict.decide import Stated, conclude, name_tree, tolerated, unusable
 from deeptruck_model.mismatch.verdict.findings import findings
 from deeptruck_model.mismatch.verdict.road import road
-from deeptruck_model.mismatch.verdict.where import located
-from deeptruck_model.mismatch.verdict.witnesses import witnesses
+from deeptruck_model.mismatch.verdict.where import located, witnesses
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.several import Drives, check_paths_apart, drives
 from deeptruck_model.recordings.splits import refuse_shared

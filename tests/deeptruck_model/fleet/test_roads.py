@@ -23,11 +23,10 @@ from deeptruck_model.fleet.run import Fleet, Workers, compare, extract
 from deeptruck_model.fleet.slopes import COLUMNS, NO_POSITIONS, ONCE, SLOPES, slopes, written
 from deeptruck_model.fleet.storage import place
 from deeptruck_model.mismatch.prepare.drives import prepare_drives
-from deeptruck_model.mismatch.prepare.one_road import STEP_M
+from deeptruck_model.mismatch.prepare.places import STEP_M
 from deeptruck_model.mismatch.residual.gather import gather
-from deeptruck_model.mismatch.roads.recovered_road import with_road
-from deeptruck_model.mismatch.roads.shared_roads import CELL_DEG, SharedRoads, cells
 from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.slopes import CELL_DEG, SharedRoads, cells, with_road
 from deeptruck_model.recordings import Recording, read, write_bag
 from deeptruck_model.trucks import PhysicsTruck, driving_cycles
 

@@ -12,10 +12,8 @@ from sensor_msgs.msg import Imu, JointState, Range
 
 from deeptruck_model import simulators
 from deeptruck_model.mismatch.live.companion import Companion
-from deeptruck_model.mismatch.live.monitor import Located, Monitor, Sample
-from deeptruck_model.mismatch.live.own import UNITS, Own
-from deeptruck_model.mismatch.live.questions import NamesReply, Question, Reply
-from deeptruck_model.mismatch.live.window import Window
+from deeptruck_model.mismatch.live.monitor import Located, Monitor, Sample, Window
+from deeptruck_model.mismatch.live.questions import UNITS, NamesReply, Own, Question, Reply
 from deeptruck_model.mismatch.mechanisms.families import ROOT
 from deeptruck_model.mismatch.verdict.wording import percent, spoken
 from deeptruck_nodes import messages

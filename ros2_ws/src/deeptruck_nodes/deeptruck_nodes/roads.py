@@ -85,7 +85,7 @@ class Shared:
     @functools.cached_property
     def _profile(self) -> tuple[Array, Array]:
         from deeptruck_model import recordings
-        from deeptruck_model.mismatch.roads.shared_roads import SharedRoads
+        from deeptruck_model.mismatch.slopes import SharedRoads
 
         roads = SharedRoads.read(Path(self.path))
         driven = recordings.read_all([self.drive])

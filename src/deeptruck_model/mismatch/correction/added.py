@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core.signals import ACCELERATION, SPEED
-from deeptruck_model.mismatch.prepare.runs import fed_back
+from deeptruck_model.mismatch.prepare.prepared import fed_back
 from deeptruck_model.mismatch.residual import effective_mass
-from deeptruck_model.mismatch.residual.command_path import CommandPath
+from deeptruck_model.mismatch.residual.commands import CommandPath
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import overall_ratio, turns
 from deeptruck_model.mismatch.residual.expression import Expression, Stream

@@ -21,14 +21,13 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_core.errors import InputError
 from deeptruck_model.mismatch.correction.fit_result import Interval, Rmse
-from deeptruck_model.mismatch.correction.improvement import free_windows, horizon, improvement
+from deeptruck_model.mismatch.correction.free_runs import free_windows, horizon, improvement
 from deeptruck_model.mismatch.posterior.regression import FREE, Model, Regression
 from deeptruck_model.mismatch.posterior.relinearise import refitted
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives, prepare_drives
-from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.residual.gather import accepted, gather
+from deeptruck_model.mismatch.residual.left_out import left_to_compare
 from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.residual.sensitivity import accepted
-from deeptruck_model.mismatch.residual.unrecorded import left_to_compare
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PARAMETERS, PhysicsTruck

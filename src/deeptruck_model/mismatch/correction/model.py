@@ -25,14 +25,14 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.mismatch.mechanisms.families import UNKNOWN
 from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
-from deeptruck_model.mismatch.posterior.comparison import Compared
+from deeptruck_model.mismatch.posterior.names import Compared
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, PINNED, Model, Regression
 from deeptruck_model.mismatch.posterior.relinearise import about_the_mean
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.gather import accepted
 from deeptruck_model.mismatch.residual.noise import Z95, ridge
-from deeptruck_model.mismatch.residual.sensitivity import accepted
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
-from deeptruck_model.mismatch.correction.fit_result import Errors, FitResult, WithoutExogenous
-from deeptruck_model.mismatch.correction.improvement import (
+from deeptruck_model.mismatch.correction.fit_result import Errors, FitResult, WithoutExogenous, strength
+from deeptruck_model.mismatch.correction.free_runs import (
     free_run_errors,
     free_runs,
     free_windows,
@@ -20,7 +20,6 @@ from deeptruck_model.mismatch.correction.improvement import (
     interval,
 )
 from deeptruck_model.mismatch.correction.model import Correction
-from deeptruck_model.mismatch.correction.strength import strength
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.posterior.relinearise import own_drives
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives

@@ -20,17 +20,18 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.vehicle_kinds import STEEPEST
 from deeptruck_model.checks import calls
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.live.own import Own, Quantity, State
+from deeptruck_model.mismatch.live.questions import Own, Quantity, State
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, candidate_term, variant
 from deeptruck_model.mismatch.posterior.kernels import Kernel
 from deeptruck_model.mismatch.posterior.posterior import DRIFT_ODDS, Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.posterior.relinearise import with_own_error
-from deeptruck_model.mismatch.prepare import checks
-from deeptruck_model.mismatch.prepare.prepared import Prepared, learned, prepare, same_signals
-from deeptruck_model.mismatch.residual import unrecorded
+from deeptruck_model.mismatch.prepare.drives import clean, same_signals
+from deeptruck_model.mismatch.prepare.prepared import Prepared, learned, prepare
+from deeptruck_model.mismatch.prepare.sensors import acceleration_is_measured
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.residual.left_out import braking
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
@@ -105,7 +106,7 @@ def own_of(simulator: Simulator, drives: Sequence[Prepared], rules: Rules) -> Ow
     """Load, wind and constant force of the drive with these prepared pieces; None if too little can be
     compared."""
     e = gather(simulator, drives, [False] * len(drives), rules=rules)
-    e, _ = unrecorded.braking(e)
+    e, _ = braking(e)
     if e.valid.sum() * e.dt < Limits.least_driving_s:
         return None
     e = with_own_error(simulator, e, drives[0].measured_acceleration, 0)
@@ -165,6 +166,6 @@ def begin(simulator: Simulator, recordings: Sequence[Recording], first_s: float)
         if n > 1:
             pieces.append(r.piece(0, n))
         left -= n * r.dt
-    drives, _ = checks.clean(pieces)
-    measured = checks.acceleration_is_measured(drives)
+    drives, _ = clean(pieces)
+    measured = acceleration_is_measured(drives)
     return [learned(simulator, prepare(r, measured, simulator.interface)) for r in drives]

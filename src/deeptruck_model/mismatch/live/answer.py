@@ -16,14 +16,12 @@ from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
 from deeptruck_model.mismatch.find import compared
 from deeptruck_model.mismatch.live.adaptation import adapt, with_own
-from deeptruck_model.mismatch.live.own import Own
-from deeptruck_model.mismatch.live.questions import NamesReply, Question, Reply
+from deeptruck_model.mismatch.live.questions import NamesReply, Own, Question, Reply
 from deeptruck_model.mismatch.mechanisms.families import ROOT, UNKNOWN
-from deeptruck_model.mismatch.posterior.comparison import Compared
-from deeptruck_model.mismatch.posterior.names import Node
+from deeptruck_model.mismatch.posterior.names import Compared, Node
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.verdict import conclude
+from deeptruck_model.mismatch.verdict.decide import name_tree
 from deeptruck_model.mismatch.verdict.findings import findings
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.extract import of_messages
@@ -71,7 +69,7 @@ def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules
         return NamesReply(c.unusable_because or "")
     found = findings(c, None, None, c.budget.speed_rmse, rules.visible)
     stated = [f for f in found if f.stated != ROOT or f.effect == UNKNOWN]
-    nodes = conclude.name_tree(c, None)
+    nodes = name_tree(c, None)
     if stated:
         says = " ".join(lines.cause(f) for f in stated)
     elif found:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,15 +19,14 @@ from numpy.typing import NDArray
 
 from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_core.vehicle_kinds import LEAST_SPEED
-from deeptruck_model.mismatch.prepare.checks import noise_of
-from deeptruck_model.mismatch.prepare.prepared import quantum
-from deeptruck_model.mismatch.prepare.runs import fed_back
+from deeptruck_model.mismatch.prepare.prepared import fed_back, noise_of, quantum
 from deeptruck_model.mismatch.residual.gather import JITTER_RUNS
 from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.recordings.clocks import REORDER_NS
+from deeptruck_model.recordings.resample import Received
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
-
 SMOOTH_S = 5.0
 NOISE_S = 20.0  # of the newest inputs, from which their noise is measured
 PATIENCE = 5  # steps that may wait for a command stamped at their begin
@@ -230,3 +230,45 @@ class Monitor:
         if not heard or heard[0][0] > time + 0.5 * self._dt:
             return None
         return heard[0][1]
+
+
+class Window:
+    """The newest messages of each topic, of up to `seconds` of stamps and at most `most_hz` per second."""
+
+    def __init__(self, seconds: float, most_hz: float) -> None:
+        self._span, self._least = round(seconds * 1e9), round(1e9 / most_hz)
+        self._topics: dict[str, deque[tuple[int, Mapping[str, float]]]] = {}
+        self._newest = 0
+
+    def hear(self, topic: str, stamp: int, values: Mapping[str, float]) -> None:
+        """Add a message stamped at `stamp`, ns, with its numbers by field. If the clock is set back, as in a
+        replay that is moved, the window is cleared; of equal stamps the last is used."""
+        before = self._topics.get(topic)
+        if before and stamp < before[-1][0] - REORDER_NS:
+            self._topics.clear()
+            self._newest = stamp
+        self._newest = max(self._newest, stamp)
+        kept = self._topics.setdefault(topic, deque())
+        if kept and kept[-1][0] == stamp:
+            kept.pop()
+        elif kept and abs(stamp - kept[-1][0]) < self._least:
+            return
+        kept.append((stamp, values))
+        while kept and kept[0][0] < self._newest - self._span:
+            kept.popleft()
+
+    def copy(self) -> Window:
+        """A copy of the present content, which can be converted to columns while more messages arrive."""
+        other = copy(self)
+        other._topics = {topic: kept.copy() for topic, kept in self._topics.items()}
+        return other
+
+    def heard(self) -> dict[str, Received]:
+        """All messages by topic, in columns."""
+        out = {}
+        for topic, kept in self._topics.items():
+            stamps = np.array([stamp for stamp, _ in kept], np.int64)
+            fields = dict.fromkeys(field for _, values in kept for field in values)
+            columns = {f: np.array([values.get(f, np.nan) for _, values in kept], float) for f in fields}
+            out[topic] = Received(stamps, columns)
+        return out

@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 
 from deeptruck_core.json_data import stored
 from deeptruck_model.mismatch.mechanisms.families import FAMILY, ROOT, UNKNOWN
+from deeptruck_model.mismatch.posterior.budget import Budget
+from deeptruck_model.mismatch.posterior.events import Event, rows_of
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, gains
+from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.prepare.drives import PreparedDrives
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
 MOST_EXPLANATIONS = 6
 
 
@@ -216,3 +220,35 @@ def _explanations(acts: Mapping[str, Mask]) -> tuple[Explanation, ...]:
         tuple(n for n, x in zip(order, row, strict=True) if x) for row in np.array([acts[n] for n in order]).T
     )
     return tuple(Explanation(s, k / count) for s, k in sets.most_common(MOST_EXPLANATIONS))
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A comparison: the simulator's own `parameters`, the drives, the evidence of the simulator as given, the
+    posterior (perhaps linearised at refitted parameters), names, budget, events, and remarks (`caveats`)."""
+
+    parameters: Mapping[str, float]
+    drives: PreparedDrives
+    given: Evidence
+    posterior: Posterior
+    names: Names
+    budget: Budget
+    events: tuple[Event, ...] = ()
+    caveats: tuple[str, ...] = ()
+
+    @property
+    def search(self) -> Regression:
+        """The regression on which all names are compared."""
+        return self.posterior.search
+
+    @property
+    def share_compared(self) -> float:
+        """The share of rows that are compared, in fitted and held-out drives."""
+        return float(self.search.e.everywhere().valid.mean())
+
+    @property
+    def fitted(self) -> Evidence:
+        """The evidence of the fitted drives, with what their fit leaves out because it acts for seconds."""
+        e = self.search.e
+        rows = rows_of(self.events, len(e))
+        return replace(e, valid=e.valid | (rows & e.everywhere().valid & ~e.held_out))

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, Mechanism, candidate_terms
-from deeptruck_model.mismatch.residual import sensor_filter
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Fit, Prior, Series, fit
+from deeptruck_model.mismatch.residual.timing import sensor_terms
 from deeptruck_model.mismatch.rules import Rules
 
 Array = NDArray[np.float64]
@@ -103,7 +103,7 @@ class Regression:
         self._parameter_sd = parameter_sd
         self.e, self.rules = evidence, evidence.rules
         self.parameters = tuple(evidence.sensitivity)
-        self.lateness, self._lateness_prior = sensor_filter.sensor_terms(evidence)
+        self.lateness, self._lateness_prior = sensor_terms(evidence)
         self.series: Series = evidence.series(1e9, only)
         if sigma is None:
             sigma = fit(self.series, *self._design((), frozenset(self.parameters))[:2]).sigma

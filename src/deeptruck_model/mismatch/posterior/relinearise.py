@@ -19,11 +19,10 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import EachDrive
 from deeptruck_model.mismatch.posterior.posterior import Posterior, without_roads
 from deeptruck_model.mismatch.posterior.regression import Model, Regression
-from deeptruck_model.mismatch.prepare.drives import PreparedDrives
-from deeptruck_model.mismatch.prepare.prepared import Prepared, learned, prepare, with_felt_slope
+from deeptruck_model.mismatch.prepare.drives import PreparedDrives, with_felt_slope
+from deeptruck_model.mismatch.prepare.prepared import Prepared, learned, prepare
 from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE_S, Evidence
-from deeptruck_model.mismatch.residual.gather import driven_anew, gather
-from deeptruck_model.mismatch.residual.sensitivity import STEP, accepted
+from deeptruck_model.mismatch.residual.gather import STEP, accepted, driven_anew, gather
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Simulator
 

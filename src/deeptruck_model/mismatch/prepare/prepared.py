@@ -1,5 +1,5 @@
-"""Prepares recordings for a simulator: checks that they belong together, that the data suffice, and what is
-held out.
+"""A recording prepared for a simulator, and the simulator run forced along it: each step starts from the
+recorded response.
 """
 
 from __future__ import annotations
@@ -12,189 +12,21 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_core.constants import GRAVITY
-from deeptruck_core.errors import InputError
-from deeptruck_core.signals import FELT, FELT_SD, SPEED, TruckInterface
+from deeptruck_core.signals import ACCELERATION, FELT, SPEED, TruckInterface
 from deeptruck_core.vehicle_kinds import LEAST_SPEED, NO_COASTING
-from deeptruck_model.checks.compatibility import how_without
-from deeptruck_model.mismatch.prepare import checks
-from deeptruck_model.mismatch.prepare.checks import noise_of, observed_acceleration
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
-from deeptruck_model.recordings.grade import felt_slope
-from deeptruck_model.simulators import Simulator
+from deeptruck_model.simulators import Run, Simulator, forced_run, free_run
 
 BRAKE = "brake_command"
-SAME_DRIVES = (
-    "few recordings and no other held out: the last 30 % of each was set aside, "
-    "so the result holds for the same drives only"
-)
 
 
-def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
-    if not recordings:
-        raise InputError("there is no recording to compare with; give at least one bag with data in it")
-    need = {*simulator.interface.u, *simulator.interface.w}
-    if not any(_valid(r, BRAKE) for r in recordings):
-        need -= {BRAKE}  # not recorded at all: driven without braking, which is found where it acts
-    for r in recordings:
-        unknown = {n for n in need if not _valid(r, n)}
-        missing = sorted(unknown | ({"speed", "acceleration"} - r.channels.keys()))
-        if missing:
-            raise InputError(
-                f"recording '{r.name}' has no valid {', '.join(missing)}, which the simulator needs; "
-                f"record it or use another simulator{how_without(missing)}"
-            )
-        for name in ("engine_command", BRAKE):
-            here, there = r.interface.unit(name), simulator.interface.unit(name)
-            if name in need and here != there:
-                raise InputError(
-                    f"recording '{r.name}' has {name} in {here}, the simulator in {there}; "
-                    "import it with the simulator's unit"
-                )
-        if abs(r.dt - simulator.dt) > 1e-6:
-            raise InputError(_other_rate(r, 1 / simulator.dt))
-
-
-def with_inputs(simulator: Simulator, recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]:
-    """The recordings, except pieces that lack an input that other pieces of their bag have, and remarks on
-    these.
-
-    Such an input is, for example, a slope derived from distance driven, where a piece stands still. The
-    interface of the recordings has the conditions that the simulator takes.
-    """
-    need = [n for n in (*simulator.interface.u, *simulator.interface.w) if n != BRAKE]
-    lacking = {id(r): [n for n in need if not _valid(r, n)] for r in recordings}
-    having = {_bag(r) for r in recordings if not lacking[id(r)]}
-    left_out = [r for r in recordings if lacking[id(r)] and _bag(r) in having]
-    says = [f"{r.name} is left out: it has no valid {', '.join(lacking[id(r)])}" for r in left_out]
-    kept = [r for r in recordings if not lacking[id(r)] or _bag(r) not in having]
-    of = simulator.interface
-    return [replace(r, interface=replace(r.interface, grade=of.grade, gear=of.gear)) for r in kept], says
-
-
-def with_felt_slope(simulator: Simulator, recordings: Sequence[Recording]) -> list[Recording]:
-    """The recordings with the slope that their accelerometer felt and its sd, as channels FELT and FELT_SD,
-    where the simulator takes no slope; each bag's pieces together, as they have one sensor."""
-    if not any(_valid(r, "specific_force") for r in recordings) or simulator.interface.grade:
-        return list(recordings)
-    bags: dict[str, list[Recording]] = {}
-    for r in recordings:
-        if _valid(r, "specific_force"):
-            bags.setdefault(_bag(r), []).append(r)
-    channels: dict[int, dict[str, Array]] = {}
-    for pieces in bags.values():
-        if (found := felt_slope(pieces)) is not None:
-            for r, s in zip(pieces, found.of, strict=True):
-                channels[id(r)] = {FELT: s.grade, FELT_SD: s.sd}
-    return [replace(r, channels={**r.channels, **channels.get(id(r), {})}) for r in recordings]
-
-
-def _bag(r: Recording) -> str:
-    """The bag of a piece: pieces are named `bag#0`, `bag#1`."""
-    return r.name.partition("#")[0]
-
-
-def _valid(r: Recording, channel: str) -> bool:
+def has_valid(r: Recording, channel: str) -> bool:
     return channel in r.channels and bool(np.isfinite(r.channels[channel]).any())
-
-
-def _other_rate(r: Recording, rate_hz: float) -> str:
-    """The error message for a recording at another rate than the simulator's, with the remedy."""
-    own_hz = 1 / r.dt
-    if own_hz > rate_hz:
-        cure = f"read it with rate_hz={rate_hz:g}"
-    else:
-        cure = (
-            f"read it with rate_hz={rate_hz:g} if it has as many; else record at {rate_hz:g} Hz, or compare "
-            f"with a simulator of {own_hz:g} Hz: 'deeptruck-model train' makes one of recordings at that rate"
-        )
-    return f"recording '{r.name}' is at {own_hz:g} Hz, the simulator at {rate_hz:g} Hz; {cure}"
-
-
-def each_once(
-    fit: Sequence[Recording], held: Sequence[Recording]
-) -> tuple[list[Recording], list[Recording], list[str]]:
-    """Recordings to fit and to hold out, without duplicates: a drive in both is held out, even under
-    different names, unless nothing would be left to fit."""
-    caveats: list[str] = []
-    if all(any(_same(r, h) for h in held) for r in fit):
-        held = ()
-        caveats = (
-            ["the held-out recordings are those to be fitted and judge nothing; give other drives"]
-            if fit
-            else []
-        )
-    chosen: list[Recording] = list(held)
-    kept: list[Recording] = []
-    for r in fit:
-        known = next((other for other in [*chosen, *kept] if _same(r, other)), None)
-        if known is not None:
-            use = "held out" if any(known is h for h in chosen) else "fitted"
-            same = (
-                f"is the same as '{known.name}', which is {use}" if r.name != known.name else "is given twice"
-            )
-            caveats.append(f"recording '{r.name}' {same}; it is {use} once")
-        else:
-            kept.append(r)
-    return kept, chosen, caveats
-
-
-def _same(one: Recording, other: Recording) -> bool:
-    driven = ("speed", *one.interface.u)  # two cruises at one speed differ by their commands alone
-    a, b = one.columns(driven), other.columns(driven)
-    return (
-        len(a) == len(b)
-        and np.array_equal(a, b, equal_nan=True)
-        and bool(np.nanmax(a[:, 0], initial=0.0) > 0)
-    )
-
-
-def with_held_out(
-    fit: list[Recording], held: list[Recording], dt: float
-) -> tuple[list[Recording], list[bool], list[str]]:
-    """The recordings, and which of them are held out; if none was given, the last part is held out."""
-    if held:
-        return fit + held, [False] * len(fit) + [True] * len(held), []
-    if len(fit) >= 4:
-        count = max(1, round(Limits.held_out_share * len(fit)))
-        return (
-            fit,
-            [False] * (len(fit) - count) + [True] * count,
-            [f"no --held-out given: the last {count} of {len(fit)} pieces are kept for judging"],
-        )
-    pieces, flags = [], []
-    for r in fit:
-        cut = int(len(r) * (1 - Limits.held_out_share))
-        if (len(r) - cut) * dt < Limits.least_driving_s:
-            pieces.append(r)
-            flags.append(False)
-            continue
-        pieces += [r.piece(0, cut), r.piece(cut, len(r))]
-        flags += [False, True]
-    return pieces, flags, [SAME_DRIVES]
-
-
-def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection]) -> str | None:
-    """Why the recordings to fit cannot be used, or None."""
-    seconds = sum(float(p.valid.sum()) * p.dt for p in prepared)
-    if seconds < Limits.least_driving_s:
-        if rejected:
-            most = rejected[0]
-            why = f"{most.rule} ({most.samples} samples)"
-            return f"only {seconds:.0f} s of usable driving; most was set aside because: {why}"
-        return f"only {seconds:.0f} s of usable driving: record at least several minutes above walking pace"
-    speed = np.concatenate([p.y[p.valid, 1] for p in prepared])
-    if np.std(speed) < Limits.least_speed_sd:
-        return (
-            "the speed is constant throughout, so no force is distinguishable from another: "
-            "accelerate, brake and coast between 5 and 25 m/s"
-        )
-    return None
 
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
 STANDING = "the truck stands or rolls too slowly to be compared"
 BRAKING = "the truck slows as by brakes, which were not recorded"
 RECOVERY_S = 1.0  # in which a learned simulator recovers from driving outside its training domain
@@ -239,7 +71,7 @@ def prepare(
     `interface` is the simulator's, else the recording's; a response in it that the recording lacks, such as
     fuel, is NaN, and an unrecorded brake is zero.
     """
-    if recording.interface.brake_unit is not None and not _valid(recording, BRAKE):
+    if recording.interface.brake_unit is not None and not has_valid(recording, BRAKE):
         recording = replace(recording, interface=replace(recording.interface, brake_unit=None))
     interface = interface or recording.interface
     dt = recording.dt
@@ -292,6 +124,39 @@ def learned(simulator: Simulator, p: Prepared) -> Prepared:
     return replace(p, valid=p.valid & ~widen(outside, 0, round(RECOVERY_S / p.dt)))
 
 
+def noise_of(x: Array) -> float:
+    """White noise of a smooth signal from its third differences, robust against events."""
+    d = np.diff(x[np.isfinite(x)], 3)
+    return float(1.4826 * np.median(np.abs(d)) / np.sqrt(20.0)) if len(d) > 8 else 0.0
+
+
+def derivative(speed: Array, dt: float) -> Array:
+    """Mean acceleration over the step that ends at each sample, as a Simulator reports it; the first sample
+    repeats the second."""
+    d = np.diff(speed) / dt
+    return np.concatenate([d[:1], d]) if len(d) else np.zeros_like(speed)
+
+
+def observed_acceleration(speed: Array, accelerometer: Array | None, dt: float) -> Array:
+    """Acceleration whose slow part is from speed and whose fast part is from the accelerometer.
+
+    The smoothed difference of the two is added to the accelerometer reading, which removes its offset and
+    leaves the true acceleration unchanged. At the ends the difference is mirrored, because holding its last
+    sample would extend a single noisy speed difference over seconds.
+    """
+    slow = derivative(speed, dt)
+    if accelerometer is None:
+        return slow
+    ratio = noise_of(speed) / max(noise_of(accelerometer), 1e-6)
+    width = float(np.clip(1.5 * ratio, 0.0, 3.0)) / dt
+    if width < 0.5:
+        return slow
+    bad = ~np.isfinite(accelerometer)
+    fast = np.where(bad, slow, accelerometer)
+    out: Array = fast + gaussian_filter1d(slow - fast, width, mode="reflect")
+    return out
+
+
 def quantum(x: Array) -> float:
     """The quantisation step of a channel: its smallest common difference, at most 2 % of its range."""
     steps = np.abs(np.diff(x))
@@ -317,3 +182,79 @@ def widen(bad: Mask, before: int, after: int) -> Mask:
     kernel = np.ones(before + after + 1)
     full = np.convolve(bad.astype(float), kernel)
     return full[before : before + len(bad)] > 0.5
+
+
+FREE_S = 200.0  # of a free run that shows whether a simulator without `force` forgets
+ALIKE = 0.8  # of the longest drive's length, for drives that are run at once
+
+
+def forced(simulator: Simulator, prepared: Sequence[Prepared], us: Sequence[Array]) -> list[Run]:
+    """Runs (1, T) along every drive with the commands `us`, one array (T, n_u) for each drive.
+
+    Drives of similar length are run in one batch, because simulators stepped in Python, such as a corrected
+    truck, take as long for many rows as for one. Shorter drives are extended by their last sample; the
+    extension is cut off.
+    """
+    runs: dict[int, Run] = {}
+    lengths = [len(u) for u in us]
+    for together in _alike(lengths):
+        longest = lengths[together[0]]
+        drives = [(us[i], prepared[i].w, fed(simulator, prepared[i].y)) for i in together]
+        u, w, y = (np.stack([padded(x, longest) for x in each]) for each in zip(*drives, strict=True))
+        run = forced_run(simulator, u, w, y)
+        for row, i in enumerate(together):
+            own = (slice(row, row + 1), slice(lengths[i]))
+            runs[i] = Run(run.y[own], {name: x[own] for name, x in run.inside.items()})
+    return [runs[i] for i in range(len(us))]
+
+
+def forgotten(simulator: Simulator, prepared: Sequence[Prepared]) -> float:
+    """Relative change (rms) of a simulator's acceleration if it is reset at each response of its own free
+    run; shows how much a simulator without `force` loses by it. 0 for one with `force`."""
+    if not getattr(simulator, "starts_anew", False):
+        return 0.0
+    p = max(prepared, key=lambda p: int(p.valid.sum()))
+    n = round(FREE_S / p.dt)
+    u, w, y = (np.nan_to_num(x[:n])[None] for x in (p.u, p.w, p.y))
+    free = free_run(simulator, u, w, y[:, 0]).y
+    anew = forced_run(simulator, u, w, free).y
+    own, again = free[0, 2:, ACCELERATION], anew[0, 2:, ACCELERATION]
+    return float(np.linalg.norm(again - own)) / max(float(np.linalg.norm(own)), 1e-6)
+
+
+def _alike(lengths: Sequence[int]) -> list[list[int]]:
+    """Indices in groups of similar length, the longest of each first."""
+    groups: list[list[int]] = []
+    for i in sorted(range(len(lengths)), key=lambda i: -lengths[i]):
+        if groups and lengths[i] > ALIKE * lengths[groups[-1][0]]:
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    return groups
+
+
+def fed(simulator: Simulator, y: Array) -> Array:
+    """The channels of a recorded drive y (..., T, n_y) that the simulator gets as feedback; it starts from
+    all of them."""
+    out = fed_back(simulator, y).copy()
+    out[..., 0, :] = y[..., 0, :]
+    return out
+
+
+def fed_back(simulator: Simulator, y: Array) -> Array:
+    """The channels of another truck's responses y (..., n_y) that the simulator gets as feedback.
+
+    A learned simulator that gets the acceleration it is to predict would reproduce it together with the
+    mismatch; it therefore gets only the speed.
+    """
+    if simulator.parameters():
+        return y
+    out = np.full_like(y, np.nan)
+    out[..., SPEED] = y[..., SPEED]
+    return out
+
+
+def padded(x: Array, length: int) -> Array:
+    """x (T, ...), extended to `length` with its last value."""
+    more = length - len(x)
+    return np.concatenate([x, np.repeat(x[-1:], more, axis=0)]) if more else x

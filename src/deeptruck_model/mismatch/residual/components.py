@@ -19,9 +19,8 @@ from deeptruck_core.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
 from deeptruck_core.signals import ACCELERATION, CHANNELS, FELT, FELT_SD, SPEED
 from deeptruck_model.compare.alignment import NEAR_M
 from deeptruck_model.mismatch.residual.effective_mass import HELD_UNIT, with_effective_mass
-from deeptruck_model.mismatch.residual.evidence import Evidence, gears, overall_ratio, turns
+from deeptruck_model.mismatch.residual.evidence import Evidence, Grid, gears, overall_ratio, turns
 from deeptruck_model.mismatch.residual.expression import Expression, Signal, maximum
-from deeptruck_model.mismatch.residual.forced import Grid
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
 if TYPE_CHECKING:

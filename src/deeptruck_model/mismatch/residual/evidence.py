@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import lfilter
 
-from deeptruck_core.signals import printed
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import ACCELERATION, printed
 from deeptruck_core.vehicle_kinds import CLUTCH_CLOSED, UNSTATED, VehicleKind
+from deeptruck_model.mismatch.prepare.prepared import Prepared, forced
 from deeptruck_model.mismatch.residual.noise import Series
 from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
-
 MOST_TURNS = 150.0  # rad/m: a crawler gear
 BIN, WIDTH = 0.02, 0.06  # of the logarithm; gears of a truck are at least 0.15 apart
 SELDOM = 0.005  # share of the time below which a ratio is no gear
@@ -113,10 +115,8 @@ class ForceUnit:
 
 
 PER_KILOGRAM = ForceUnit("m/s^2", 1.0)
-
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
-
 DOUBT_ROWS = 5  # a doubtful sample also marks those it is whitened with
 BLOCK_LEARNED_S = 1.0  # a learned simulator's timing is not good enough for more
 BLOCK_S = 0.2  # long enough to average sensor noise, short enough for a driveline
@@ -290,3 +290,47 @@ class Evidence:
         for s in self.drives:
             out[s.start + 1 : s.stop] = np.diff(x[s.rows]) / self.dt
         return out
+
+
+def accelerations(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: Grid, us: Sequence[Array]
+) -> Array:
+    """Simulated accelerations (n,) with the commands `us`, in blocks."""
+    return grid.stack([run.y[0, :, ACCELERATION] for run in forced(simulator, prepared, us)])
+
+
+class Grid:
+    """Block averages of native samples, stacked over the recordings."""
+
+    def __init__(self, prepared: Sequence[Prepared], held_out: Sequence[bool], block: int) -> None:
+        self.block, self.prepared = block, prepared
+        drives, start = [], 0
+        for p, out in zip(prepared, held_out, strict=True):
+            rows = len(p.recording) // block
+            drives.append(DriveRows(p.recording.name, start, start + rows, p.recording.start_s, out))
+            start += rows
+        if start == 0:
+            raise InputError("the recordings are shorter than one block; record at least a few minutes")
+        self.drives = tuple(drives)
+
+    def __len__(self) -> int:
+        return self.drives[-1].stop
+
+    def stack(self, parts: Sequence[Array]) -> Array:
+        """Block means; NaN in a block with a NaN."""
+        return np.concatenate([self._blocks(p).mean(axis=1) for p in parts])
+
+    def last(self, parts: Sequence[Array]) -> Array:
+        """Last native sample of each block, for gears and other labels."""
+        return np.concatenate([self._blocks(p)[:, -1] for p in parts])
+
+    def any(self, parts: Sequence[Mask]) -> Mask:
+        """Blocks that contain a marked sample."""
+        return np.concatenate([self._blocks(p).any(axis=1) for p in parts])
+
+    def valid(self) -> Mask:
+        return np.concatenate([self._blocks(p.valid).all(axis=1) for p in self.prepared])
+
+    def _blocks(self, x: NDArray[np.generic]) -> NDArray[np.generic]:
+        n = len(x) // self.block
+        return x[: n * self.block].reshape(n, self.block)

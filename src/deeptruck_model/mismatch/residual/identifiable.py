@@ -10,7 +10,7 @@ import numpy as np
 from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_model.mismatch.residual import gather
 from deeptruck_model.mismatch.residual.components import FORCES
-from deeptruck_model.mismatch.residual.sensitivity import REFIT_PARAMETERS, accepted
+from deeptruck_model.mismatch.residual.gather import REFIT_PARAMETERS, accepted
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Simulator, forced_run
 from deeptruck_model.simulators.protocol_check import (

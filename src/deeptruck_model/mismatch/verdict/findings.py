@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core.signals import FELT
+from deeptruck_model.mismatch.correction.fit_result import strength, visible
 from deeptruck_model.mismatch.correction.model import Correction
-from deeptruck_model.mismatch.correction.strength import strength, visible
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import Where
 from deeptruck_model.mismatch.mechanisms.families import (
@@ -24,11 +24,10 @@ from deeptruck_model.mismatch.mechanisms.families import (
 )
 from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
 from deeptruck_model.mismatch.posterior.budget import Budget
-from deeptruck_model.mismatch.posterior.comparison import Compared
 from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
-from deeptruck_model.mismatch.posterior.names import Named, Tree
-from deeptruck_model.mismatch.prepare.checks import SensorFault
+from deeptruck_model.mismatch.posterior.names import Compared, Named, Tree
 from deeptruck_model.mismatch.prepare.drives import NotRecorded
+from deeptruck_model.mismatch.prepare.sensors import SensorFault
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.rules import Limits, Rules

@@ -12,15 +12,12 @@ from numpy.typing import NDArray
 
 from deeptruck_core.json_data import HIDDEN, SPARSE, from_json, stored, to_json
 from deeptruck_core.signals import Said, Speed
-from deeptruck_model.mismatch.correction.fit_result import FitResult, Interval
-from deeptruck_model.mismatch.correction.strength import Strength
+from deeptruck_model.mismatch.correction.fit_result import FitResult, Interval, Strength
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
 from deeptruck_model.mismatch.posterior.budget import Budget
 from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.posterior.names import Explanation, Node
-from deeptruck_model.mismatch.prepare.checks import Rejection
-from deeptruck_model.mismatch.prepare.drives import NotRecorded
-from deeptruck_model.mismatch.verdict.witnesses import Witness
+from deeptruck_model.mismatch.prepare.drives import NotRecorded, Rejection
 
 Array = NDArray[np.float64]
 
@@ -173,6 +170,16 @@ class Finding:
 def is_by_drive(size: str) -> bool:
     """Whether a size is that of one drive, `force[monday]`."""
     return size.endswith("]")
+
+
+@dataclass(frozen=True)
+class Witness:
+    """A channel, the part of the budget that it explains, and the share of that part's variance that it
+    predicts on left-out drives."""
+
+    channel: str
+    part: str
+    share: float = field(metadata=stored(digits=3))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Locates the mismatch: segments of drives, and regimes of driving."""
+"""Where findings act along the drives, in which regimes the error is, and which channels predict it."""
 
 from __future__ import annotations
 
@@ -7,14 +7,19 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_core.signals import Said
-from deeptruck_model.mismatch.correction.strength import acts, visible
-from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence, unit
-from deeptruck_model.mismatch.verdict.result import Bound, Finding, Regime, Segment
+from deeptruck_core.signals import FELT, FELT_SD, Said
+from deeptruck_model.mismatch.correction.fit_result import acts, visible
+from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, SLOW
+from deeptruck_model.mismatch.posterior.budget import Budget
+from deeptruck_model.mismatch.posterior.posterior import SLOW_S
+from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.prepare.prepared import Prepared
+from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence, Grid, unit
+from deeptruck_model.mismatch.rules import Limits
+from deeptruck_model.mismatch.verdict.result import Bound, Finding, Regime, Segment, Witness
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
 MOST_SEGMENTS, MOST_REGIMES = 60, 6
 SMALL = 1e-3  # of the range of a signal: a border so near zero is at zero to whoever reads it
 PRINTED = {  # of a signal in a sentence, where its name is not the word
@@ -177,3 +182,61 @@ def _best_cut(X: Array, power: Array, least: int) -> tuple[float, int, float]:
 def _bound(name: str, low: float, high: float, extent: float, e: Evidence) -> Bound:
     low, high = (0.0 if abs(at) <= SMALL * extent else at for at in (low, high))
     return Bound(PRINTED.get(name, name.replace("_", " ")), low, high, unit(name, e.command_units))
+
+
+LEAST_DRIVES = {EACH_DRIVE: Limits.witness_drives, SLOW: Limits.witness_drives_slow}
+
+
+def witnesses(search: Regression, prepared: Sequence[Prepared], found: Budget) -> tuple[Witness, ...]:
+    """The channels that predict a constant per drive or a slow drift, best first, if that part has a share of
+    at least `rules.witness`."""
+    e, rules = search.e, search.rules
+    taken = {"speed", "acceleration", FELT, FELT_SD}
+    for p in prepared:
+        taken |= {*p.recording.interface.u, *p.recording.interface.w}
+    names = {n for p in prepared for n, x in p.recording.channels.items() if np.isfinite(x).any()} - taken
+    block = max(1, round(e.dt / prepared[0].dt))
+    grid = Grid(prepared, [s.held_out for s in e.drives], block)
+    out = []
+    for part in (EACH_DRIVE, SLOW):
+        force = found.force(part, e.residual)
+        if found.share(part) < rules.witness:
+            continue
+        for name in sorted(names):
+            x = grid.stack(
+                [p.recording.channels.get(name, np.full(len(p.recording), np.nan)) for p in prepared]
+            )
+            share = _predicted(search, force, x, part)
+            if share > rules.witness:
+                out.append(Witness(name, part, share))
+    return tuple(sorted(out, key=lambda w: -w.share))
+
+
+def _predicted(search: Regression, force: Array, x: Array, part: str) -> float:
+    """Share of the variance of a force's means (n,) that a linear function of a channel (n,) predicts,
+    each drive by a fit to the others; zero where too few drives have the channel."""
+    e, used = search.e, np.zeros(len(search.e), dtype=bool)
+    used[search.rows] = True
+    means, owner = [], []
+    for i, s in enumerate(e.drives):
+        length = s.stop - s.start if part == EACH_DRIVE else max(1, round(SLOW_S / e.dt))
+        for begin in range(s.start, s.stop - length + 1, max(length, 1)):
+            rows = np.arange(begin, begin + length)
+            rows = rows[used[rows] & np.isfinite(x[rows])]
+            if len(rows) >= Limits.witness_known * length:
+                means.append((float(x[rows].mean()), float(force[rows].mean())))
+                owner.append(i)
+    drives = np.unique(owner)
+    if len(drives) < LEAST_DRIVES[part]:
+        return 0.0
+    a, b, of = *np.array(means).T, np.array(owner)
+    error = np.zeros(len(b))
+    for i in drives:
+        here, there = of == i, of != i
+        spread = float(np.var(a[there]))
+        if spread <= 0.0:
+            return 0.0
+        slope = float(np.mean((a[there] - a[there].mean()) * (b[there] - b[there].mean()))) / spread
+        error[here] = b[here] - b[there].mean() - slope * (a[here] - a[there].mean())
+    total = float(np.sum((b - b.mean()) ** 2))
+    return 1.0 - float(np.sum(error**2)) / total if total > 0.0 else 0.0

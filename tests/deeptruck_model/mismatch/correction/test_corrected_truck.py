@@ -14,7 +14,7 @@ from deeptruck_model import simulators, trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.mechanisms import saved, variant
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
-from deeptruck_model.mismatch.prepare.runs import fed
+from deeptruck_model.mismatch.prepare.prepared import fed
 from deeptruck_model.mismatch.residual.components import Shares
 
 BASE = trucks.load("trucksim")

@@ -8,10 +8,15 @@ import numpy as np
 import pytest
 
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.correction import improvement
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.fit_result import Errors
-from deeptruck_model.mismatch.correction.improvement import free_run_errors, free_windows
+from deeptruck_model.mismatch.correction.free_runs import (
+    free_run_errors,
+    free_windows,
+    horizon,
+    improvement,
+    interval,
+)
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
 from deeptruck_model.mismatch.prepare.prepared import Prepared, prepare
@@ -68,12 +73,12 @@ def test_a_better_simulator_has_an_interval_above_zero_and_a_worse_one_below(
     wrong = TRUCK.with_parameters({"mass": 1.3 * MASS})
     before, right = (free_windows(s, prepared, 30.0) for s in (wrong, TRUCK))
     errors = {"before": before, "parameters_only": before, "after": right}
-    said, gained = free_run_errors(errors), improvement.improvement(errors)
+    said, gained = free_run_errors(errors), improvement(errors)
     assert said is not None and said.after.speed < said.before.speed
     assert 0.3 < gained.ci95[0] <= gained.ci95[1] <= 1.0
     assert gained.over_parameters_ci95 == gained.ci95
     errors = {"before": right, "parameters_only": right, "after": before}
-    assert improvement.improvement(errors).ci95[1] < 0.0
+    assert improvement(errors).ci95[1] < 0.0
 
 
 def test_one_run_that_is_off_whatever_is_corrected_does_not_hide_the_others() -> None:
@@ -82,7 +87,7 @@ def test_one_run_that_is_off_whatever_is_corrected_does_not_hide_the_others() ->
         speed[7] = 1.0
         return Errors(speed, speed, np.arange(12) // 4, np.zeros(12, dtype=np.intp))
 
-    low, high = improvement.interval(off(0.1), off(0.05))
+    low, high = interval(off(0.1), off(0.05))
     assert 0.1 < low <= high < 0.51
 
 
@@ -94,14 +99,14 @@ def test_every_recording_is_drawn(better: int) -> None:
         speed = np.where(owner == better, size, 1.0)[:, None] * np.ones((12, 10))
         return Errors(speed, speed, owner, np.zeros(12, dtype=np.intp))
 
-    low, high = improvement.interval(off(1.0), off(0.5))
+    low, high = interval(off(1.0), off(0.5))
     assert low == 0.0 < high  # it is left out of three draws in 8 of 27 cases
 
 
 def test_equal_simulators_have_not_improved(prepared: list[Prepared]) -> None:
     same = free_windows(TRUCK, prepared, 30.0)
     errors = {"before": same, "parameters_only": same, "after": same}
-    assert improvement.improvement(errors).ci95 == (0, 0)
+    assert improvement(errors).ci95 == (0, 0)
 
 
 def test_few_recordings_are_resampled_by_window() -> None:
@@ -111,7 +116,7 @@ def test_few_recordings_are_resampled_by_window() -> None:
         e = scale * rng.normal(size=(8, 50))
         return Errors(e, e, np.repeat([0, 1], 4), np.arange(8))
 
-    low, high = improvement.interval(some(1.0), some(0.5))
+    low, high = interval(some(1.0), some(0.5))
     assert 0.3 < low < 0.5 < high < 0.65
 
 
@@ -133,10 +138,8 @@ def test_a_corrected_truck_hears_what_was_recorded_beside_the_protocol(prepared:
 
 
 def test_free_runs_are_as_long_as_the_driving_between_gaps_lets_them_be(prepared: list[Prepared]) -> None:
-    assert improvement.horizon(prepared) == 40.0
+    assert horizon(prepared) == 40.0
     broken = [replace(p, valid=np.arange(len(p.valid)) % 350 > 60) for p in prepared]
-    assert improvement.horizon(broken) == 20.0
-    assert (
-        improvement.horizon([replace(p, valid=np.arange(len(p.valid)) % 200 > 50) for p in prepared]) == 10.0
-    )
+    assert horizon(broken) == 20.0
+    assert horizon([replace(p, valid=np.arange(len(p.valid)) % 200 > 50) for p in prepared]) == 10.0
     assert len(free_windows(TRUCK, broken, 20.0).speed) > len(free_windows(TRUCK, broken, 40.0).speed)

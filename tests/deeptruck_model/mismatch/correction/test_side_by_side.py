@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.correction import side_by_side
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.correction.improvement import free_runs, free_windows
+from deeptruck_model.mismatch.correction.free_runs import batches, free_runs, free_windows
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
 from deeptruck_model.mismatch.prepare.prepared import Prepared, prepare
@@ -89,7 +88,7 @@ class _Plain:
 def test_parameters_go_together_where_the_simulator_takes_them_by_row() -> None:
     def sizes(truck: Simulator) -> list[int]:
         changed = [CorrectedTruck(truck, [DRAG], {"mass": m}, None, False) for m in (0.1, 0.1, 0.2)]
-        return sorted(len(own) for _, own in side_by_side.batches(changed, [1, 1, 1], [()] * 3))
+        return sorted(len(own) for _, own in batches(changed, [1, 1, 1], [()] * 3))
 
     assert sizes(TRUCK) == [3]
     assert sizes(_Plain(TRUCK)) == [1, 2]  # type: ignore[arg-type]

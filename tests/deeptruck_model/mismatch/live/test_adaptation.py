@@ -10,9 +10,9 @@ from small_drives import TRUCK, drives
 
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
-from deeptruck_model.mismatch.correction.improvement import free_windows
+from deeptruck_model.mismatch.correction.free_runs import free_windows
 from deeptruck_model.mismatch.live.adaptation import _quantity, adapt, begin, with_own
-from deeptruck_model.mismatch.live.own import Own, Quantity, State
+from deeptruck_model.mismatch.live.questions import Own, Quantity, State
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator

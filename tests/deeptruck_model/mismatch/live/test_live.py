@@ -13,8 +13,8 @@ from deeptruck_model import recordings
 from deeptruck_model.mismatch.live.adaptation import adapt
 from deeptruck_model.mismatch.live.answer import NOT_DETECTED, answer
 from deeptruck_model.mismatch.live.companion import Companion
+from deeptruck_model.mismatch.live.monitor import Window
 from deeptruck_model.mismatch.live.questions import NamesReply, Question
-from deeptruck_model.mismatch.live.window import Window
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.extract import of_messages
 from deeptruck_model.recordings.resample import Received

@@ -8,7 +8,7 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.families import FAMILY, ROOT, UNKNOWN
 from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
 from deeptruck_model.mismatch.posterior.names import Tree
-from deeptruck_model.mismatch.residual import sensitivity
+from deeptruck_model.mismatch.residual.gather import REFIT_PARAMETERS
 
 AIR = Tree({"headwind": 0.6, "drag_area": 0.37, "brake_lag": 0.02, UNKNOWN: 0.01})
 
@@ -41,4 +41,4 @@ def test_a_credible_set_is_the_smallest_that_holds_its_mass() -> None:
 
 def test_every_name_that_can_be_found_has_a_family() -> None:
     assert set(LIBRARY) <= set(FAMILY)
-    assert set(PARAMETER_ERRORS) == set(sensitivity.REFIT_PARAMETERS) <= set(FAMILY)
+    assert set(PARAMETER_ERRORS) == set(REFIT_PARAMETERS) <= set(FAMILY)

@@ -9,17 +9,18 @@ import pytest
 from small_drives import TRUCK, LazyBrake, braked, drives, evidence
 
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.prepare import checks
 from deeptruck_model.mismatch.prepare.drives import (
     LEFT_OUT,
     NotRecorded,
     PreparedDrives,
+    Rejection,
     Span,
     prepare_drives,
 )
+from deeptruck_model.mismatch.prepare.sensors import sensor_faults
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
-from deeptruck_model.mismatch.residual.unrecorded import OTHER_GEAR, left_to_compare
+from deeptruck_model.mismatch.residual.left_out import OTHER_GEAR, left_to_compare
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PhysicsTruck
@@ -55,7 +56,7 @@ def test_the_scaled_sensor_is_found_though_the_simulator_is_wrong(truck: Physics
     (scale,) = (f for f in found.faults if f.is_scale)
     assert scale.channel == channel
     assert scale.value == pytest.approx(1.05 if channel == "speed" else 1 / 1.05, abs=0.01)
-    assert not checks.sensor_faults([p.recording for p in found.prepared], Rules())
+    assert not sensor_faults([p.recording for p in found.prepared], Rules())
 
 
 def test_a_sensor_on_time_has_no_lag() -> None:
@@ -183,7 +184,7 @@ def test_too_little_driving_is_said_with_its_cause() -> None:
     )
     other, _ = left_of(replace(e, other_gear=3000))
     assert "only 50 s of driving in the gear that was recorded" in str(other.unusable_because)
-    assert other.rejected[-1] == checks.Rejection(OTHER_GEAR, 3000)
+    assert other.rejected[-1] == Rejection(OTHER_GEAR, 3000)
 
 
 def test_pedals_that_are_swapped_are_doubted_and_what_the_simulator_is_not_driven_with_is_not() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.prepare.prepared import each_once, same_signals
+from deeptruck_model.mismatch.prepare.drives import each_once, same_signals
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import driving_cycles
 

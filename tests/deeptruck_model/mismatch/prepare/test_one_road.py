@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.prepare.one_road import (
+from deeptruck_model.mismatch.prepare.places import (
     driven_by_positions,
     on_a_road_of_its_own,
     on_one_road,

@@ -13,8 +13,8 @@ from deeptruck_core.signals import FUEL
 from deeptruck_core.vehicle_kinds import LEAST_SPEED
 from deeptruck_model import trucks
 from deeptruck_model.deep import coverage
-from deeptruck_model.mismatch.prepare import prepared
-from deeptruck_model.mismatch.prepare.runs import fed
+from deeptruck_model.mismatch.prepare.drives import with_inputs
+from deeptruck_model.mismatch.prepare.prepared import BRAKING, fed, learned, prepare, quantum
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import driving_cycles
 
@@ -38,7 +38,7 @@ def test_holes_are_filled_and_kept_out(drives: list[Recording]) -> None:
     holes = drives[0].piece(0, len(drives[0]))
     holes.channels["grade"] = holes.channels["grade"].copy()
     holes.channels["grade"][800:805] = np.nan
-    p = prepared.prepare(holes, False)
+    p = prepare(holes, False)
     assert np.isfinite(p.u).all() and np.isfinite(p.w).all() and np.isfinite(p.y).all()
     assert not p.valid[797:825].any()
     assert not p.valid[:60].any() and not p.valid[p.y[:, 1] < LEAST_SPEED].any()
@@ -59,16 +59,16 @@ def test_slowing_with_a_recorded_cause_is_compared(
         "grade": np.full(1000, slope),
     }
     interface = replace(drives[0].interface, brake_unit=None, fuel=False)
-    p = prepared.prepare(Recording("stop", 0.1, channels, interface), False)
+    p = prepare(Recording("stop", 0.1, channels, interface), False)
     assert p.valid[520:680].all() == kept == p.valid[520:680].any()
-    assert (p.left_out[prepared.BRAKING] > 200) is not kept
+    assert (p.left_out[BRAKING] > 200) is not kept
 
 
 def test_quantum_is_the_step_of_a_channel() -> None:
     rng = np.random.default_rng(0)
     x = np.round(np.cumsum(rng.normal(size=500)) / 0.5) * 0.5
-    assert prepared.quantum(x) == pytest.approx(0.5, rel=0.01)
-    assert prepared.quantum(np.zeros(500)) == 0.0
+    assert quantum(x) == pytest.approx(0.5, rel=0.01)
+    assert quantum(np.zeros(500)) == 0.0
 
 
 class Learned:
@@ -87,7 +87,7 @@ def test_driving_that_was_never_learned_from_is_kept_out(drives: list[Recording]
     hilly = np.where(np.arange(len(flat)) > 1000, 0.05, 0.0)
     simulator: Any = Learned(drives)
     level, climbing = (
-        prepared.learned(simulator, prepared.prepare(replace(r, channels=r.channels | {"grade": g}), False))
+        learned(simulator, prepare(replace(r, channels=r.channels | {"grade": g}), False))
         for r, g in ((drives[0], flat), (drives[0], hilly))
     )
     assert level.valid.mean() > 0.7
@@ -101,7 +101,7 @@ def test_a_response_that_was_never_recorded_is_unknown(drives: list[Recording], 
     del bare.channels["fuel_rate"]
     if not lacking:
         bare.channels["fuel_rate"] = np.full(len(bare), np.nan)
-    p = prepared.prepare(bare, False, TRUCK.interface)
+    p = prepare(bare, False, TRUCK.interface)
     assert np.isnan(p.y[:, FUEL]).all() and np.isfinite(p.y[:, :FUEL]).all() and p.valid.mean() > 0.5
 
 
@@ -109,7 +109,7 @@ def test_a_piece_without_an_input_that_its_bag_has_is_left_out_and_said(drives: 
     nothing = drives[1].channels | {"grade": np.full(len(drives[1]), np.nan)}
     piece, other = (replace(drives[1], name=n, channels=nothing) for n in ("bag#0", "other"))
     whole = replace(drives[0], name="bag#1")
-    kept, says = prepared.with_inputs(TRUCK, [piece, whole])
+    kept, says = with_inputs(TRUCK, [piece, whole])
     assert [r.name for r in kept] == ["bag#1"] and says == ["bag#0 is left out: it has no valid grade"]
-    kept, says = prepared.with_inputs(TRUCK, [whole, other])
+    kept, says = with_inputs(TRUCK, [whole, other])
     assert [r.name for r in kept] == ["bag#1", "other"] and not says  # a whole bag is refused instead

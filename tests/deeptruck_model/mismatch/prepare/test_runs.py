@@ -8,8 +8,7 @@ import pytest
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.mechanisms import variant
-from deeptruck_model.mismatch.prepare.prepared import Prepared, prepare
-from deeptruck_model.mismatch.prepare.runs import _alike, fed, forced
+from deeptruck_model.mismatch.prepare.prepared import Prepared, _alike, fed, forced, prepare
 from deeptruck_model.simulators import Simulator, forced_run
 from deeptruck_model.trucks import driving_cycles
 

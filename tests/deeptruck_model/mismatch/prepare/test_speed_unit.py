@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import SPEED
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.prepare import checks, speed_unit
 from deeptruck_model.mismatch.prepare.prepared import Prepared, prepare
+from deeptruck_model.mismatch.prepare.sensors import check_speed_unit, corrected, speed_scale_faults
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings.consistency.agreement import ACCELEROMETERS, SPEEDS, factor_of
 from deeptruck_model.simulators import Run
@@ -54,26 +54,26 @@ def drive(scale: float, *, tyres: float = 1.0, positions: bool = False) -> Prepa
 
 def test_a_speed_in_another_unit_is_refused_by_name() -> None:
     with pytest.raises(InputError, match=r"speed of 'b0' is 0\.278 times .* m/s read as km/h"):
-        speed_unit.check_speed_unit(OneGear(), [drive(1 / 3.6)])  # type: ignore[arg-type]
+        check_speed_unit(OneGear(), [drive(1 / 3.6)])  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.04, 1 / 1.6093, 3.0, 9.80665])
 def test_tyres_another_gear_and_what_is_no_unit_are_not(scale: float) -> None:
-    speed_unit.check_speed_unit(OneGear(), [drive(scale)])  # type: ignore[arg-type]
+    check_speed_unit(OneGear(), [drive(scale)])  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("scale", [0.95, 1.05])
 def test_a_scale_without_an_accelerometer_is_found_by_engine_speed(scale: float) -> None:
-    (found,) = speed_unit.speed_scale_faults(OneGear(), [drive(scale)] * 2, Rules())  # type: ignore[arg-type]
+    (found,) = speed_scale_faults(OneGear(), [drive(scale)] * 2, Rules())  # type: ignore[arg-type]
     assert found.effect == "speed_scale" and found.value == pytest.approx(scale) and found.se < 1e-3
     assert found.between == ("speed", "engine_speed") and "accelerometer" not in found.equation
-    corrected = checks.corrected(drive(scale).recording, [found])
-    np.testing.assert_allclose(corrected.channels["speed"], drive(1.0).recording.channels["speed"])
+    sound = corrected(drive(scale).recording, [found])
+    np.testing.assert_allclose(sound.channels["speed"], drive(1.0).recording.channels["speed"])
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.02, 3.6])
 def test_what_tyres_may_be_and_another_unit_are_no_scale(scale: float) -> None:
-    assert speed_unit.speed_scale_faults(OneGear(), [drive(scale)], Rules()) == []  # type: ignore[arg-type]
+    assert speed_scale_faults(OneGear(), [drive(scale)], Rules()) == []  # type: ignore[arg-type]
 
 
 def test_an_engine_that_slips_or_shifts_otherwise_gives_no_scale() -> None:
@@ -81,17 +81,17 @@ def test_an_engine_that_slips_or_shifts_otherwise_gives_no_scale() -> None:
     slips = given.recording.channels["engine_speed"] * (1.0 + 0.1 * np.sin(np.arange(len(given.recording))))
     other = given.recording.channels | {"engine_speed": slips}
     slipping = replace(given, recording=replace(given.recording, channels=other))
-    assert speed_unit.speed_scale_faults(OneGear(), [slipping], Rules()) == []  # type: ignore[arg-type]
+    assert speed_scale_faults(OneGear(), [slipping], Rules()) == []  # type: ignore[arg-type]
     measured = replace(given, measured_acceleration=True)  # then the accelerometer decides
-    assert speed_unit.speed_scale_faults(OneGear(), [measured], Rules()) == []  # type: ignore[arg-type]
+    assert speed_scale_faults(OneGear(), [measured], Rules()) == []  # type: ignore[arg-type]
 
 
 def test_positions_tell_the_scale_whatever_tyres_are() -> None:
     truck: Any = OneGear()
-    (found,) = speed_unit.speed_scale_faults(truck, [drive(1.05, tyres=1.05, positions=True)] * 2, Rules())
+    (found,) = speed_scale_faults(truck, [drive(1.05, tyres=1.05, positions=True)] * 2, Rules())
     assert found.value == pytest.approx(1.05, abs=0.005) and "positions" in found.says
-    assert speed_unit.speed_scale_faults(truck, [drive(1.0, tyres=1.05, positions=True)] * 2, Rules()) == []
-    (blind,) = speed_unit.speed_scale_faults(truck, [drive(1.0, tyres=1.05)] * 2, Rules())
+    assert speed_scale_faults(truck, [drive(1.0, tyres=1.05, positions=True)] * 2, Rules()) == []
+    (blind,) = speed_scale_faults(truck, [drive(1.0, tyres=1.05)] * 2, Rules())
     assert "tyres and axles" in blind.says  # nothing distinguishes the two there
 
 
@@ -99,9 +99,9 @@ def test_what_does_not_tell_is_not_asked() -> None:
     bare = drive(3.6)
     channels = {n: x for n, x in bare.recording.channels.items() if n != "engine_speed"}
     unmeasured = replace(bare, recording=replace(bare.recording, channels=channels))
-    speed_unit.check_speed_unit(OneGear(), [unmeasured])  # type: ignore[arg-type]
-    speed_unit.check_speed_unit(OneGear(reports=False), [bare])  # type: ignore[arg-type]
-    assert speed_unit.speed_scale_faults(OneGear(), [unmeasured], Rules()) == []  # type: ignore[arg-type]
+    check_speed_unit(OneGear(), [unmeasured])  # type: ignore[arg-type]
+    check_speed_unit(OneGear(reports=False), [bare])  # type: ignore[arg-type]
+    assert speed_scale_faults(OneGear(), [unmeasured], Rules()) == []  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

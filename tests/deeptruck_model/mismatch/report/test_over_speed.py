@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from small_drives import evidence
 
-from deeptruck_model.mismatch.report import over_speed
+from deeptruck_model.mismatch.report.page import _binned, _rows, force_over_speed
 
 
 def test_a_force_that_acts_only_while_coasting_is_seen_there_alone() -> None:
@@ -18,13 +18,13 @@ def test_a_force_that_acts_only_while_coasting_is_seen_there_alone() -> None:
     speed = np.linspace(2.0, 24.0, 200)[np.arange(n) % 200]
     signals = {**e.signals, "speed": speed, "engine_command": np.where(coasts, 0.0, 50.0)}
     e = replace(e, residual=np.where(coasts, -0.1, 0.0), signals=signals)
-    rows = over_speed._rows(e)
-    pulling, coasting = (list(over_speed._binned(e, rows[name])) for name in ("pulling", "coasting"))
+    rows = _rows(e)
+    pulling, coasting = (list(_binned(e, rows[name])) for name in ("pulling", "coasting"))
     assert {median for _, _, median, _ in pulling} == {0.0}
     force = -0.1 * e.unit.scale
     assert np.allclose([median for _, _, median, _ in coasting], force)
     assert max(s for s, *_ in coasting) < min(s for s, *_ in pulling) + 3.0
-    picture = over_speed.force_over_speed(e, "km/h")
+    picture = force_over_speed(e, "km/h")
     assert len(re.findall("<polyline", picture)) == 2 and "speed, km/h" in picture
     shown = [float(x) for x in re.findall(r"middle\">([0-9]+)<", picture)]
     assert 70.0 < max(shown) < 90.0
@@ -32,4 +32,4 @@ def test_a_force_that_acts_only_while_coasting_is_seen_there_alone() -> None:
 
 def test_nothing_compared_has_no_picture() -> None:
     e = evidence()
-    assert over_speed.force_over_speed(replace(e, valid=np.zeros(len(e), dtype=bool))) == ""
+    assert force_over_speed(replace(e, valid=np.zeros(len(e), dtype=bool))) == ""

@@ -14,13 +14,13 @@ from deeptruck_model.mismatch.correction.fit_result import (
     Improvement,
     Refitted,
     Rmse,
+    Strength,
 )
-from deeptruck_model.mismatch.correction.strength import Strength
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, NOT_SIGNIFICANT, REFIT
 from deeptruck_model.mismatch.output import summary
 from deeptruck_model.mismatch.posterior.budget import Budget, Part
 from deeptruck_model.mismatch.posterior.events import Event
-from deeptruck_model.mismatch.prepare.checks import SensorFault
+from deeptruck_model.mismatch.prepare.sensors import SensorFault
 from deeptruck_model.mismatch.report import lines, page
 from deeptruck_model.mismatch.report.found import Mismatch
 from deeptruck_model.mismatch.verdict import wording

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.residual.sensitivity import accepted
+from deeptruck_model.mismatch.residual.gather import accepted
 
 TRUCK = trucks.load("trucksim")
 MASS = TRUCK.parameters()["mass"]

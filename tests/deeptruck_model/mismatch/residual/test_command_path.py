@@ -7,7 +7,7 @@ import pytest
 
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.mismatch.prepare.prepared import Prepared
-from deeptruck_model.mismatch.residual.command_path import CommandPath, changed
+from deeptruck_model.mismatch.residual.commands import CommandPath, changed
 from deeptruck_model.recordings import Recording
 
 DT, N = 0.1, 400

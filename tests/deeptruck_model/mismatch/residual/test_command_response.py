@@ -7,10 +7,8 @@ import pytest
 
 from deeptruck_core.signals import ACCELERATION
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.prepare.prepared import prepare
-from deeptruck_model.mismatch.prepare.runs import forced
-from deeptruck_model.mismatch.residual.command_path import changed
-from deeptruck_model.mismatch.residual.command_response import RUNS, Response, command_response
+from deeptruck_model.mismatch.prepare.prepared import forced, prepare
+from deeptruck_model.mismatch.residual.commands import RUNS, Response, changed, command_response
 from deeptruck_model.simulators import Run
 from deeptruck_model.trucks import driving_cycles
 

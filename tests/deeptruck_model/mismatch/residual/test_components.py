@@ -12,9 +12,8 @@ from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import ACCELERATION, SPEED, TruckInterface
 from deeptruck_model.mismatch.prepare.prepared import prepare
 from deeptruck_model.mismatch.residual import components
-from deeptruck_model.mismatch.residual.evidence import overall_ratio
+from deeptruck_model.mismatch.residual.evidence import Grid, overall_ratio
 from deeptruck_model.mismatch.residual.expression import Stream
-from deeptruck_model.mismatch.residual.forced import Grid
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Run, Simulator, forced_run
 

@@ -12,7 +12,7 @@ import pytest
 from deeptruck_core.errors import InputError
 from deeptruck_model import mismatch, simulators, trucks
 from deeptruck_model.mismatch.residual import identifiable
-from deeptruck_model.mismatch.residual.sensitivity import REFIT_PARAMETERS
+from deeptruck_model.mismatch.residual.gather import REFIT_PARAMETERS
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators.protocol_check import Mark
 

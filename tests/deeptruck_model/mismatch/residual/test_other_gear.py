@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from deeptruck_core.signals import TruckInterface
-from deeptruck_model.mismatch.residual.other_gear import other_gear, with_predicted_gears
+from deeptruck_model.mismatch.residual.left_out import other_gear, with_predicted_gears
 from deeptruck_model.recordings import Recording
 
 N, DT = 400, 0.1

@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.prepare.prepared import prepare
 from deeptruck_model.mismatch.residual import gather
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.sensitivity import REFIT_PARAMETERS
+from deeptruck_model.mismatch.residual.gather import REFIT_PARAMETERS
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import driving_cycles
 

@@ -11,8 +11,9 @@ from scipy.ndimage import gaussian_filter1d
 from deeptruck_core.constants import GRAVITY
 from deeptruck_model.mismatch.posterior.posterior import gains
 from deeptruck_model.mismatch.posterior.regression import Regression
-from deeptruck_model.mismatch.residual import sensor_filter
+from deeptruck_model.mismatch.residual import timing
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.timing import sensor_terms
 
 FILTER_S = 0.2  # sd of what a sensor smooths
 
@@ -30,7 +31,7 @@ def smoothed(nothing_missing: Evidence) -> Evidence:
 def test_nothing_makes_up_for_it(smoothed: Evidence, monkeypatch: pytest.MonkeyPatch) -> None:
     """Loads that slosh and engines that rub had been found in trucks in which nothing was missing."""
     beside = Regression(smoothed)
-    monkeypatch.setattr(sensor_filter, "REACH_S", 0.0)
+    monkeypatch.setattr(timing, "REACH_S", 0.0)
     without = Regression(smoothed, sigma=beside.sigma)  # rows weigh alike in both
     assert beside.background(()).score > without.background(()).score + 100.0
     assert _most(without) > 20.0 > _most(beside)
@@ -38,7 +39,7 @@ def test_nothing_makes_up_for_it(smoothed: Evidence, monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize(("dt", "shares"), [(0.2, 6), (0.5, 2), (1.0, 0)])
 def test_it_reaches_as_far_as_a_sensors_filter(nothing_missing: Evidence, dt: float, shares: int) -> None:
-    columns, prior = sensor_filter.sensor_terms(replace(nothing_missing, dt=dt))
+    columns, prior = sensor_terms(replace(nothing_missing, dt=dt))
     assert columns.shape == (len(nothing_missing), 2 + shares)
     assert len(prior.mean) == 2 + shares
 
@@ -46,7 +47,7 @@ def test_it_reaches_as_far_as_a_sensors_filter(nothing_missing: Evidence, dt: fl
 def test_it_does_not_reach_into_another_drive(nothing_missing: Evidence) -> None:
     e = nothing_missing
     where = e.record.astype(float)  # the same all along each drive
-    columns, _ = sensor_filter.sensor_terms(replace(e, simulated=where))
+    columns, _ = sensor_terms(replace(e, simulated=where))
     assert len(e.drives) > 1
     assert np.abs(columns[:, 2:]).max() == 0.0
 
@@ -79,7 +80,7 @@ def test_a_hole_in_the_recorded_slope_is_no_turn_of_the_road(nothing_missing: Ev
     grade = np.full(len(nothing_missing), 0.05)
     grade[200:230] = np.nan
     whole = replace(nothing_missing, signals=nothing_missing.signals | {"grade": grade})
-    columns, _ = sensor_filter.sensor_terms(whole)
+    columns, _ = sensor_terms(whole)
     assert np.abs(columns[:, 2]).max() < 1e-9
 
 

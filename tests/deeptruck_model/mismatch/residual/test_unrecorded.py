@@ -9,7 +9,7 @@ import pytest
 from small_drives import BRAKE_COMMAND, TRUCK, braked, drives, evidence
 
 from deeptruck_model.mismatch.prepare.drives import NotRecorded, inputs
-from deeptruck_model.mismatch.residual import unrecorded
+from deeptruck_model.mismatch.residual.left_out import braking
 from deeptruck_model.mismatch.verdict.findings import names_behind
 
 BRAKE = NotRecorded("brake", "hides", "signal")
@@ -17,7 +17,7 @@ BRAKE = NotRecorded("brake", "hides", "signal")
 
 def test_unrecorded_braking_is_found_where_it_acts() -> None:
     e, on = braked(evidence())
-    left, (brake,) = unrecorded.braking(e, [BRAKE])
+    left, (brake,) = braking(e, [BRAKE])
     assert left.hidden is not None and not (left.valid & left.hidden).any()
     assert left.hidden[on].mean() > 0.8
     assert left.hidden[~on].mean() < 0.02
@@ -28,19 +28,19 @@ def test_unrecorded_braking_is_found_where_it_acts() -> None:
 def test_a_truck_whose_pedal_is_never_released_does_not_brake() -> None:
     e, _ = braked(evidence())
     e = replace(e, signals=e.signals | {"engine_command": e["engine_command"] + 0.5})
-    assert unrecorded.braking(e)[0].valid.all()
+    assert braking(e)[0].valid.all()
 
 
 def test_noise_alone_is_no_braking() -> None:
     e = evidence()
     e = replace(e, signals={k: v for k, v in e.signals.items() if k != BRAKE_COMMAND})
-    assert unrecorded.braking(e)[0].valid.all()
+    assert braking(e)[0].valid.all()
 
 
 def test_where_the_brake_was_recorded_none_is_hidden() -> None:
     e, _ = braked(evidence())
     e = replace(e, signals=e.signals | {BRAKE_COMMAND: np.zeros(len(e))})
-    assert unrecorded.braking(e, [BRAKE]) == (e, (BRAKE,))
+    assert braking(e, [BRAKE]) == (e, (BRAKE,))
 
 
 def test_a_name_of_the_brakes_is_said_with_the_brake_that_was_not_recorded() -> None:

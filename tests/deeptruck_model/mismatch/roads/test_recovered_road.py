@@ -13,7 +13,7 @@ import pytest
 
 from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.roads.recovered_road import Roads, with_road
+from deeptruck_model.mismatch.slopes import Roads, with_road
 from deeptruck_model.recordings import Recording, read, write_bag
 from deeptruck_model.trucks import driving_cycles
 

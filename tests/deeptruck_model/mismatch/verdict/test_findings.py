@@ -12,8 +12,7 @@ from small_drives import FORCES, N, evidence, posterior_of, regression
 
 from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, PLACE, SLOW, UNKNOWN
 from deeptruck_model.mismatch.posterior.budget import budget
-from deeptruck_model.mismatch.posterior.comparison import Compared
-from deeptruck_model.mismatch.posterior.names import Named, Tree, names
+from deeptruck_model.mismatch.posterior.names import Compared, Named, Tree, names
 from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives

@@ -8,8 +8,7 @@ from small_drives import evidence
 
 from deeptruck_model.mismatch.mechanisms.families import UNKNOWN
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.verdict.road import SLOPE, SURFACE, _by_size, _tree, road
-from deeptruck_model.mismatch.verdict.road_lock import RoadLock
+from deeptruck_model.mismatch.verdict.road import SLOPE, SURFACE, RoadLock, _by_size, _tree, road
 
 
 def long(kilometres: float) -> Evidence:

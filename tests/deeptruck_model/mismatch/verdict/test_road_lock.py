@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
-from deeptruck_model.mismatch.verdict.road_lock import road_lock
+from deeptruck_model.mismatch.verdict.road import road_lock
 
 SPEED, DT, KM = 20.0, 0.2, 30
 ROWS = int(KM * 1000 / SPEED / DT)

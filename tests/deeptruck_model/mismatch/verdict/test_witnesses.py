@@ -9,8 +9,8 @@ from small_drives import TRUCK, drives
 
 from deeptruck_model.mismatch.find import compared
 from deeptruck_model.mismatch.mechanisms.families import SLOW
-from deeptruck_model.mismatch.posterior.comparison import Compared
-from deeptruck_model.mismatch.verdict.witnesses import witnesses
+from deeptruck_model.mismatch.posterior.names import Compared
+from deeptruck_model.mismatch.verdict.where import witnesses
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import View
 

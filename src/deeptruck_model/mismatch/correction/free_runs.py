@@ -1,21 +1,25 @@
-"""Open-loop error before and after the correction, on held-out recordings."""
+"""Free runs along recordings, and how much smaller a correction makes their errors.
+
+Many corrections of one simulator run in one batch, because a step of the batch costs little more than a step
+of one.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core.signals import ACCELERATION, SPEED
-from deeptruck_model.mismatch.correction import side_by_side
-from deeptruck_model.mismatch.correction.added import TruckWithForces
-from deeptruck_model.mismatch.correction.corrected_truck import EXOGENOUS
+from deeptruck_model.mismatch.correction.added import Added, TruckWithForces
+from deeptruck_model.mismatch.correction.corrected_truck import EXOGENOUS, CorrectedTruck
 from deeptruck_model.mismatch.correction.fit_result import Errors, FreeRunErrors, Improvement, Interval
 from deeptruck_model.mismatch.mechanisms.own import EXTRA
-from deeptruck_model.mismatch.prepare.prepared import Prepared
-from deeptruck_model.mismatch.prepare.runs import fed, padded
+from deeptruck_model.mismatch.prepare.prepared import Prepared, fed, padded
+from deeptruck_model.mismatch.residual import effective_mass
 from deeptruck_model.mismatch.residual.evidence import turns
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Simulator, run
@@ -23,7 +27,6 @@ from deeptruck_model.simulators.running import stepped
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
 BOOTSTRAPS = 1000
 
 
@@ -57,7 +60,7 @@ def free_runs(
     rows = [_rows(prepared, n) for (_, prepared), n in zip(jobs, steps, strict=True)]
     found = [_errors((), np.zeros((0, 0, 2)), n) for n in steps]
     channels = [_common(own) for own in rows]
-    for simulator, members in side_by_side.batches([s for s, _ in jobs], list(map(len, rows)), channels):
+    for simulator, members in batches([s for s, _ in jobs], list(map(len, rows)), channels):
         predicted = _run(simulator, [row for k in members for row in rows[k]], steps[members[0]], exogenous)
         ends = np.cumsum([len(rows[k]) for k in members])
         for k, part in zip(members, np.split(predicted, ends[:-1]), strict=True):
@@ -176,3 +179,58 @@ def interval(old: Errors, new: Errors) -> Interval:
         gains.append(1.0 - b[pick].mean() / a[pick].mean())
     low, high = np.quantile(gains, [0.025, 0.975])
     return float(low), float(high)
+
+
+Group = tuple[Simulator | TruckWithForces, list[int]]
+
+
+def batches(
+    trucks: Sequence[Simulator], rows: Sequence[int], channels: Sequence[tuple[str, ...]]
+) -> list[Group]:
+    """For each batch: the simulator that runs it, and the trucks whose rows it holds, in order.
+
+    Trucks share a batch if they correct the same simulator along recordings with the same `channels`. Trucks
+    with different parameters share a batch only if the simulator accepts parameters per row; trucks that add
+    no force have a batch of their own.
+    """
+    alike: dict[tuple[Any, ...], list[int]] = {}
+    for k, truck in enumerate(trucks):
+        if rows[k]:
+            alike.setdefault((*_kind(truck), channels[k]), []).append(k)
+    return [(_together([trucks[k] for k in own], [rows[k] for k in own]), own) for own in alike.values()]
+
+
+def _kind(truck: Simulator) -> tuple[Any, ...]:
+    original, inner = _of(truck)
+    apart = () if hasattr(original, "with_batch_parameters") else tuple(sorted(inner.items()))
+    adds = isinstance(truck, CorrectedTruck) and truck.adds
+    beside = (id(truck.shares), truck.gears) if isinstance(truck, CorrectedTruck) and truck.adds else ()
+    return id(original), adds, apart, beside
+
+
+def _of(truck: Simulator) -> tuple[Simulator, dict[str, float]]:
+    """The base simulator of a correction, and its changed parameters."""
+    return (truck.original, truck.inner) if isinstance(truck, CorrectedTruck) else (truck, {})
+
+
+def _together(trucks: Sequence[Simulator], rows: Sequence[int]) -> Simulator | TruckWithForces:
+    original, _ = _of(trucks[0])
+    base = _base(original, [_of(t)[1] for t in trucks], rows)
+    corrected = [t for t in trucks if isinstance(t, CorrectedTruck) and t.adds]
+    if not corrected:
+        return base
+    added = Added.side_by_side([t.added for t in corrected], rows)
+    first = corrected[0]
+    return TruckWithForces(base, added, effective_mass.holds(original), first.shares, first.gears)
+
+
+def _base(original: Any, inner: Sequence[dict[str, float]], rows: Sequence[int]) -> Simulator:
+    names = sorted(set().union(*inner))
+    if not names:
+        return original
+    if not hasattr(original, "with_batch_parameters"):
+        return original.with_parameters(inner[0])
+    own = original.parameters()
+    return original.with_batch_parameters(
+        {name: np.repeat([i.get(name, own[name]) for i in inner], rows) for name in names}
+    )

@@ -20,7 +20,6 @@ from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings.earth import metres_per_degree
 
 Array = NDArray[np.float64]
-
 STEP_M = 10.0
 SMOOTH = 2.0  # steps over which a receiver's error is smoothed
 APART_M = 500.0  # between two roads: knots of one do not reach the other

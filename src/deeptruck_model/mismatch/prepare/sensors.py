@@ -1,6 +1,4 @@
-"""Data checks that need no truck model: rejected samples with their reasons, and faults visible between
-sensors.
-"""
+"""Faults of sensors: between speed and accelerometer, and of the unit of speed."""
 
 from __future__ import annotations
 
@@ -12,17 +10,28 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_core.constants import GRAVITY
-from deeptruck_core.signals import channel_of
-from deeptruck_core.vehicle_kinds import IMPOSSIBLE_ACCELERATION
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import ACCELERATION, SPEED
+from deeptruck_core.vehicle_kinds import CLUTCH_CLOSED
+from deeptruck_model.mismatch.prepare.places import (
+    driven_by_positions,
+)
+from deeptruck_model.mismatch.prepare.prepared import (
+    Prepared,
+    derivative,
+    fed,
+    forced,
+    noise_of,
+    prepare,
+)
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.consistency import accelerometer
 from deeptruck_model.recordings.consistency.agreement import ACCELEROMETERS, SPEEDS, factor_of
 from deeptruck_model.recordings.consistency.windows import CORRELATED
-from deeptruck_model.recordings.not_recorded import unrecorded_braking
+from deeptruck_model.simulators import Simulator, forced_run
 
 Array = NDArray[np.float64]
-
 SHIFTS = 4  # times that the accelerometer is shifted by the lag so far, as a fit is linear in the lag
 
 
@@ -42,39 +51,6 @@ class Kinematics:
     offset_se: float
     lag_s: float
     lag_se: float
-
-
-def noise_of(x: Array) -> float:
-    """White noise of a smooth signal from its third differences, robust against events."""
-    d = np.diff(x[np.isfinite(x)], 3)
-    return float(1.4826 * np.median(np.abs(d)) / np.sqrt(20.0)) if len(d) > 8 else 0.0
-
-
-def derivative(speed: Array, dt: float) -> Array:
-    """Mean acceleration over the step that ends at each sample, as a Simulator reports it; the first sample
-    repeats the second."""
-    d = np.diff(speed) / dt
-    return np.concatenate([d[:1], d]) if len(d) else np.zeros_like(speed)
-
-
-def observed_acceleration(speed: Array, accelerometer: Array | None, dt: float) -> Array:
-    """Acceleration whose slow part is from speed and whose fast part is from the accelerometer.
-
-    The smoothed difference of the two is added to the accelerometer reading, which removes its offset and
-    leaves the true acceleration unchanged. At the ends the difference is mirrored, because holding its last
-    sample would extend a single noisy speed difference over seconds.
-    """
-    slow = derivative(speed, dt)
-    if accelerometer is None:
-        return slow
-    ratio = noise_of(speed) / max(noise_of(accelerometer), 1e-6)
-    width = float(np.clip(1.5 * ratio, 0.0, 3.0)) / dt
-    if width < 0.5:
-        return slow
-    bad = ~np.isfinite(accelerometer)
-    fast = np.where(bad, slow, accelerometer)
-    out: Array = fast + gaussian_filter1d(slow - fast, width, mode="reflect")
-    return out
 
 
 def compare(speed: Array, accelerometer: Array | None, dt: float) -> Kinematics:
@@ -123,18 +99,6 @@ def _errors_in_both(
     return float(b[0]), float(b[1]), float(b[2] / max(abs(b[0]), 1e-6)), se
 
 
-CUT = "no valid speed for so long that the drive is cut in two there"
-STUCK = "brake_command never moves in a drive in which the truck brakes: was it recorded?"
-
-
-@dataclass(frozen=True)
-class Rejection:
-    """Samples rejected by one rule."""
-
-    rule: str
-    samples: int
-
-
 @dataclass(frozen=True)
 class SensorFault:
     """A fault of measurement: effect name, its size with standard error and unit, and one sentence. `between`
@@ -167,41 +131,6 @@ class SensorFault:
         (other,) = set(self.between) - {self.channel}
         says = _late(other, self.value) if self.is_lag else _scaled(other, self.value)
         return replace(self, channel=other, says=says)
-
-
-def clean(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Rejection]]:
-    """Recordings with impossible samples replaced by NaN, and the number of samples by rule."""
-    counts: dict[str, int] = {}
-    out = []
-    for before, r in zip([None, *recordings], recordings, strict=False):
-        if (lacking := round((r.gap_after(before) or 0.0) / r.dt) - 1) > 0:
-            counts[CUT] = counts.get(CUT, 0) + lacking
-        channels = {name: x.copy() for name, x in r.channels.items()}
-        for name, x in channels.items():
-            low, high = channel_of(name).low, channel_of(name).high
-            _reject(
-                x,
-                (x < low) | (x > high),
-                f"{name} outside {low:g} .. {high:g} {r.interface.unit(name)}",
-                counts,
-            )
-        speed = channels["speed"]
-        jump = np.abs(derivative(speed, r.dt)) > IMPOSSIBLE_ACCELERATION
-        _reject(speed, jump, f"speed jumps by more than {IMPOSSIBLE_ACCELERATION:g} m/s^2", counts)
-        if "brake_command" in r.interface.u:
-            _reject(channels["brake_command"], unrecorded_braking(r, speed), STUCK, counts)
-        for name in ("speed", *r.interface.u, *r.interface.w):
-            missing = int(np.isnan(r.channels[name]).sum())
-            if missing:
-                counts[f"{name} missing or invalid"] = counts.get(f"{name} missing or invalid", 0) + missing
-        out.append(replace(r, channels=channels))
-    return out, [Rejection(rule, n) for rule, n in sorted(counts.items(), key=lambda item: -item[1])]
-
-
-def _reject(x: Array, bad: NDArray[np.bool_], rule: str, counts: dict[str, int]) -> None:
-    if bad.any():
-        counts[rule] = counts.get(rule, 0) + int(bad.sum())
-        x[bad] = np.nan
 
 
 def acceleration_is_measured(recordings: Sequence[Recording]) -> bool:
@@ -307,3 +236,124 @@ def _pool(values: Sequence[float], errors: Sequence[float]) -> tuple[float, floa
         float(np.sqrt(np.average((v - mean) ** 2, weights=w) / max(len(v) - 1, 1))) if len(v) > 1 else 0.0
     )
     return mean, max(float(1.0 / np.sqrt(w.sum())), spread)
+
+
+def by_commands(
+    simulator: Simulator, drives: Sequence[Recording], faults: Sequence[SensorFault]
+) -> list[SensorFault]:
+    """The faults; a lag or scale between speed and acceleration is attributed to the sensor whose correction
+    reduces the residual more, because the two sensors alone do not show which is wrong."""
+    chosen = list(faults)
+    for i, fault in enumerate(faults):
+        if (other := fault.elsewhere()) is not None:
+            flipped = [*chosen[:i], other, *chosen[i + 1 :]]
+            own, others = _misfits(simulator, drives, (chosen, flipped))
+            chosen = flipped if others < own else chosen
+    return chosen
+
+
+def _misfits(
+    simulator: Simulator, drives: Sequence[Recording], each: Sequence[Sequence[SensorFault]]
+) -> list[float]:
+    """Sum of squared residuals in rows valid in all variants, for the drives corrected by each list of
+    faults."""
+    prepared = [corrected_drives(simulator, drives, faults, measured=True) for faults in each]
+    rows = np.all([np.concatenate([p.valid for p in one]) for one in prepared], axis=0)
+    out = []
+    for one in prepared:
+        runs = forced(simulator, one, [p.u for p in one])
+        off = [p.observed - run.y[0, :, ACCELERATION] for p, run in zip(one, runs, strict=True)]
+        out.append(float(np.sum(np.concatenate(off)[rows] ** 2)))
+    return out
+
+
+def corrected_drives(
+    simulator: Simulator, drives: Sequence[Recording], faults: Sequence[SensorFault], measured: bool
+) -> list[Prepared]:
+    return [prepare(corrected(r, faults), measured, simulator.interface) for r in drives]
+
+
+GEARS_AT_MOST = 2.0  # a simulator may drive a gear or two apart, which is no unit
+NEAR, MOSTLY = 0.01, 0.6  # so near its median, relative, so often: a converter that slips has no one ratio
+SAME = 0.5  # gears are whole
+FEWEST = 5  # pieces of road that give a scale: one alone may be all bends
+BETWEEN, BY_PLACE = ("speed", "engine_speed"), ("speed", "latitude")
+PLACED = "speed is {scale:.3f} times what positions give: it is scaled"
+SCALED = (
+    "speed is {scale:.3f} times what engine speed gives in the simulator's gears: it is scaled, or tyres and "
+    "axles are not the simulator's"
+)
+
+
+def check_speed_unit(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
+    """Raises InputError if speed and engine speed of the first drive that has both differ by the factor of a
+    unit. Other factors are inconclusive, because tyres and axles differ."""
+    first = next((p for p in prepared if "engine_speed" in p.recording.channels), None)
+    scale = _scale(simulator, first) if first is not None else None
+    if first is None or scale is None or 1.0 / GEARS_AT_MOST < scale < GEARS_AT_MOST:
+        return
+    if unit := factor_of(scale, SPEEDS):
+        raise InputError(
+            f"speed of '{first.recording.name}' is {scale:.3g} times what its engine speed gives by the "
+            f"simulator's gear; {unit} is off by as much: check the units in COLUMNS.yaml"
+        )
+
+
+def speed_scale_faults(simulator: Simulator, prepared: Sequence[Prepared], rules: Rules) -> list[SensorFault]:
+    """A scale fault of speed that no accelerometer reading could confirm; empty if there is none or it cannot
+    be checked. Positions check it for any truck; without them engine speed does, if the simulator has the
+    truck's tyres and axles."""
+    if any(p.measured_acceleration for p in prepared):
+        return []
+    ratios = [driven_by_positions(p) for p in prepared]
+    by_place = _common_factor(ratios) if sum(map(len, ratios)) >= FEWEST else None
+    if by_place is not None:
+        return _beyond(by_place, rules, PLACED, "speed = k * speed by positions", BY_PLACE)
+    by_engine = _common_factor([_ratios(simulator, p, same_gear=True) for p in prepared])
+    return _beyond(by_engine, rules, SCALED, "speed = k * speed by engine", BETWEEN)
+
+
+def _common_factor(drives: Sequence[Array]) -> tuple[float, float] | None:
+    """The common factor of the ratios of all drives, each (m,), and its standard error; None if there is
+    none."""
+    drives = [x for x in drives if len(x)]
+    if not drives:
+        return None
+    ratios = np.concatenate(drives)
+    scale = float(np.median(ratios))
+    if np.mean(np.abs(ratios / scale - 1.0) < NEAR) < MOSTLY or not 1 / GEARS_AT_MOST < scale < GEARS_AT_MOST:
+        return None
+    spread = float(np.median(np.abs(ratios - scale)))
+    se = max(spread, float(np.std([np.median(x) for x in drives]))) / float(np.sqrt(len(drives)))
+    return scale, se
+
+
+def _beyond(
+    found: tuple[float, float] | None, rules: Rules, says: str, equation: str, between: tuple[str, str]
+) -> list[SensorFault]:
+    if found is None or abs(found[0] - 1.0) <= rules.speed_scale:
+        return []
+    scale, se = found
+    return [SensorFault("speed_scale", scale, se, "1", says.format(scale=scale), equation, between, "speed")]
+
+
+def _scale(simulator: Simulator, p: Prepared) -> float | None:
+    """The factor by which speed is too large; None if the simulator or the recording lacks a channel."""
+    ratios = _ratios(simulator, p)
+    return float(np.median(ratios)) if len(ratios) else None
+
+
+def _ratios(simulator: Simulator, p: Prepared, same_gear: bool = False) -> Array:
+    """Ratios of simulated to recorded engine speed (m,) while the truck moves in the `same_gear`; empty if
+    the simulator or the recording lacks a channel."""
+    recorded, gear = (p.recording.channels.get(name) for name in ("engine_speed", "gear"))
+    if recorded is None:
+        return np.zeros(0)
+    inside = forced_run(simulator, p.u[None], p.w[None], fed(simulator, p.y)[None]).inside
+    if "engine_speed" not in inside:
+        return np.zeros(0)
+    use = p.valid & (p.y[:, SPEED] > CLUTCH_CLOSED) & (recorded > 0.0)
+    if same_gear and gear is not None and "gear" in inside:
+        use &= np.abs(gear - inside["gear"][0]) < SAME
+    out: Array = inside["engine_speed"][0][use] / recorded[use]
+    return out
