@@ -29,7 +29,6 @@ deeptruck_model.compare: naming | deeptruck_model/compare/test_comparison.py
 deeptruck_model.deep: card preparation | deeptruck_model/deep/test_training.py
 deeptruck_model.deep.kernels: inference layers | deeptruck_model/deep/test_truck.py
 deeptruck_model.fmu: description variables | deeptruck_model/fmu/test_foreign.py
-deeptruck_model.mismatch.correction: strength | deeptruck_model/mismatch/verdict/test_findings.py
 deeptruck_model.mismatch.verdict: sizes | deeptruck_model/mismatch/verdict/test_findings.py
 deeptruck_model.mismatch.residual.expression: memory | deeptruck_model/mismatch/residual/test_expression.py
 deeptruck_model.mismatch.residual.expression: places | deeptruck_model/mismatch/residual/test_expression.py
@@ -37,7 +36,6 @@ deeptruck_model.mismatch.mechanisms: brakes commands | deeptruck_model/mismatch/
 deeptruck_model.mismatch.mechanisms: driveline engine | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
 deeptruck_model.mismatch.mechanisms: engine_drag load | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
 deeptruck_model.mismatch.mechanisms: road | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
-deeptruck_model.mismatch.residual: shift_moment | deeptruck_model/mismatch/residual/test_residual.py
 deeptruck_core.pages: document style | deeptruck_model/compare/test_comparison.py
 deeptruck_model.recordings: bag_file bag_storage | deeptruck_model/recordings/test_bad_bags.py
 deeptruck_model.recordings: mcap_chunks message_definitions | deeptruck_model/recordings/test_bad_bags.py

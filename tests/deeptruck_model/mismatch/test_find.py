@@ -16,7 +16,9 @@ from small_drives import TRUCK, drives
 
 from deeptruck_core.errors import InputError
 from deeptruck_model import mismatch, trucks
+from deeptruck_model.mismatch import find_mismatch
 from deeptruck_model.recordings import Recording
+from deeptruck_model.trucks import driving_cycles
 
 MASS = TRUCK.parameters()["mass"]
 SCHEMA = json.loads(importlib.resources.files(mismatch).joinpath("verdict.schema.json").read_text())
@@ -181,3 +183,21 @@ def test_a_late_sensor_is_a_measurement_fault_and_corrects_no_truck() -> None:
     assert late["says"].startswith("acceleration is stamped") and "later" in late["says"]
     assert abs(late["parameters"]["value"]["value"]) == pytest.approx(0.6, abs=0.06)
     assert said["advice"]["apply"]["answer"] == "no"
+
+
+TRUCK = trucks.load("trucksim")
+
+
+class Broken:
+    """What a wrong unit inside a model makes of it: it stops from any speed within a second."""
+
+    def reset(self, batch: int) -> None: ...
+
+    def force(self, view: trucks.View, dt: float) -> np.ndarray:
+        return np.asarray(-30.0 * view.mass * (view.speed > 3.0))
+
+
+def test_a_simulator_that_answers_what_no_vehicle_does_is_refused() -> None:
+    broken = TRUCK.with_forces([Broken()])
+    with pytest.raises(InputError, match=r"more than 12 m/s\^2 in \d+ % of samples"):
+        find_mismatch(broken, [driving_cycles.drive(TRUCK, seconds=120.0, seed=k) for k in range(2)])

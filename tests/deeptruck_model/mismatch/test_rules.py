@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.rules import Limits, Rules
 
 ROOT = Path(__file__).parents[3]
 TOOL = ROOT / "src" / "deeptruck_model" / "mismatch"
-DECIDING = ("verdict/decide.py", "posterior/names.py", "verdict/findings.py", "verdict/witnesses.py")
+DECIDING = ("verdict/decide.py", "posterior/names.py", "verdict/findings.py", "verdict/where.py")
 ALLOWED = {0, 1}
 
 
@@ -125,8 +125,8 @@ def test_a_constant_is_seen_in_products_bounds_and_dictionaries() -> None:
 def test_deciding_files_compare_with_rules_alone() -> None:
     allowed = {
         "posterior/names.py": {0.02},
-        "verdict/witnesses.py": {0.5},
-    }  # what is too rare to matter; what is recorded
+        "verdict/where.py": {0.1, 0.5, 2.0, 200},
+    }  # what is too rare to matter; which segments and regimes are shown
     found = {
         name: set(compared_numbers(TOOL / name)) - ALLOWED - allowed.get(name, set()) for name in DECIDING
     }
@@ -152,7 +152,7 @@ ABOUT_ONE_EFFECT = (
     "verdict/road.py",
     "verdict/slow_force.py",
     "live/adaptation.py",
-    "prepare/checks.py",
+    "prepare/sensors.py",
     "folders.py",
 )
 

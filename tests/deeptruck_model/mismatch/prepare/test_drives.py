@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from small_drives import TRUCK, LazyBrake, braked, drives, evidence
 
+from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.prepare.drives import (
     LEFT_OUT,
@@ -15,7 +16,9 @@ from deeptruck_model.mismatch.prepare.drives import (
     PreparedDrives,
     Rejection,
     Span,
+    each_once,
     prepare_drives,
+    same_signals,
 )
 from deeptruck_model.mismatch.prepare.sensors import sensor_faults
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -23,7 +26,7 @@ from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.left_out import OTHER_GEAR, left_to_compare
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
-from deeptruck_model.trucks import PhysicsTruck
+from deeptruck_model.trucks import PhysicsTruck, driving_cycles
 
 HEAVIER = TRUCK.with_parameters({"mass": 1.2 * TRUCK.parameters()["mass"]})
 LAZY = TRUCK.with_forces([], [LazyBrake()])
@@ -197,3 +200,67 @@ def test_pedals_that_are_swapped_are_doubted_and_what_the_simulator_is_not_drive
     (doubt,) = prepare_drives(TRUCK, swapped, [], Rules()).doubts
     assert doubt.endswith("are the two swapped?")
     assert prepare_drives(TRUCK, sound, [], Rules()).doubts == ()
+
+
+TRUCK = trucks.load("trucksim")
+
+
+@pytest.fixture(scope="module")
+def pieces() -> list[Recording]:
+    return [driving_cycles.drive(TRUCK, seconds=60.0, seed=k, name=f"d{k}") for k in range(3)]
+
+
+def names(recordings: list[Recording]) -> list[str]:
+    return [r.name for r in recordings]
+
+
+def test_drives_that_differ_stay_as_they_are(pieces: list[Recording]) -> None:
+    fit, held, said = each_once(pieces[:2], pieces[2:])
+    assert (names(fit), names(held), said) == (["d0", "d1"], ["d2"], [])
+
+
+def test_a_drive_that_is_fitted_and_held_out_is_held_out(pieces: list[Recording]) -> None:
+    copy = replace(pieces[1], name="copy")
+    fit, held, said = each_once([pieces[0], pieces[0], copy], [pieces[1]])
+    assert (names(fit), names(held)) == (["d0"], ["d1"])
+    assert said == [
+        "recording 'd0' is given twice; it is fitted once",
+        "recording 'copy' is the same as 'd1', which is held out; it is held out once",
+    ]
+
+
+def test_cruises_at_one_speed_are_distinguished_by_their_commands(pieces: list[Recording]) -> None:
+    other = pieces[0].channels["engine_command"] + 1.0
+    uphill = replace(pieces[0], name="uphill", channels=pieces[0].channels | {"engine_command": other})
+    fit, _, said = each_once([pieces[0], uphill], [])
+    assert (names(fit), said) == (["d0", "uphill"], [])
+
+
+def test_drives_cannot_be_their_own_judges(pieces: list[Recording]) -> None:
+    fit, held, said = each_once(pieces[:2], pieces[:2])
+    assert names(fit) == ["d0", "d1"] and held == [] and "give other pieces" in said[0]
+
+
+def test_a_command_that_was_never_valid_is_lacking(pieces: list[Recording]) -> None:
+    r = pieces[0]
+    empty = replace(r, channels=r.channels | {"engine_command": np.full(len(r), np.nan)})
+    with pytest.raises(InputError, match="'d0' has no valid engine_command"):
+        same_signals(TRUCK, [empty])
+
+
+def test_a_recording_made_by_hand_without_an_acceleration_is_refused(pieces: list[Recording]) -> None:
+    rest = {name: x for name, x in pieces[0].channels.items() if name != "acceleration"}
+    with pytest.raises(InputError, match="'d0' has no valid acceleration"):
+        same_signals(TRUCK, [replace(pieces[0], channels=rest)])
+
+
+@pytest.mark.parametrize(
+    ("dt", "cure"),
+    [
+        (1.0, "read it with rate_hz=10 if .* else record at 10 Hz, or .* of 1 Hz: 'deeptruck-model train'"),
+        (0.01, "read it with rate_hz=10"),
+    ],
+)
+def test_another_rate_names_a_cure_that_there_is(pieces: list[Recording], dt: float, cure: str) -> None:
+    with pytest.raises(InputError, match=f"the simulator at 10 Hz; {cure}"):
+        same_signals(TRUCK, [replace(pieces[0], dt=dt)])

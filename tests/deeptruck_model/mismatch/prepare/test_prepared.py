@@ -1,4 +1,4 @@
-"""Recordings made fit to be compared."""
+"""Recordings made fit to be compared, and simulators driven along them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,21 @@ from deeptruck_core.signals import FUEL
 from deeptruck_core.vehicle_kinds import LEAST_SPEED
 from deeptruck_model import trucks
 from deeptruck_model.deep import coverage
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.prepare.drives import with_inputs
-from deeptruck_model.mismatch.prepare.prepared import BRAKING, fed, learned, prepare, quantum
+from deeptruck_model.mismatch.prepare.prepared import (
+    BRAKING,
+    Prepared,
+    _alike,
+    fed,
+    forced,
+    learned,
+    prepare,
+    quantum,
+)
 from deeptruck_model.recordings import Recording
+from deeptruck_model.simulators import Simulator, forced_run
 from deeptruck_model.trucks import driving_cycles
 
 TRUCK = trucks.load("trucksim")
@@ -113,3 +125,28 @@ def test_a_piece_without_an_input_that_its_bag_has_is_left_out_and_said(drives: 
     assert [r.name for r in kept] == ["bag#1"] and says == ["bag#0 is left out: it has no valid grade"]
     kept, says = with_inputs(TRUCK, [whole, other])
     assert [r.name for r in kept] == ["bag#1", "other"] and not says  # a whole bag is refused instead
+
+
+LATE = CorrectedTruck(TRUCK, [Term("dragging_brake", (variant("constant"),), (0.1,))], {}, None, True)
+
+
+@pytest.fixture(scope="module")
+def uneven() -> list[Prepared]:
+    lengths = (90.0, 30.0, 80.0)
+    return [prepare(driving_cycles.drive(TRUCK, seconds=s, seed=k), True) for k, s in enumerate(lengths)]
+
+
+@pytest.mark.parametrize("simulator", [TRUCK, LATE])
+def test_each_runs_as_if_alone(uneven: list[Prepared], simulator: Simulator) -> None:
+    together = forced(simulator, uneven, [p.u for p in uneven])
+    for p, run in zip(uneven, together, strict=True):
+        alone = forced_run(simulator, p.u[None], p.w[None], fed(simulator, p.y)[None])
+        assert run.y == pytest.approx(alone.y, abs=1e-12)
+        assert set(run.inside) == set(alone.inside)
+        for name, x in alone.inside.items():
+            assert run.inside[name].shape == x.shape and run.inside[name] == pytest.approx(x, nan_ok=True)
+
+
+def test_a_short_drive_is_not_drawn_out_to_a_long_one() -> None:
+    assert _alike([900, 300, 800]) == [[0, 2], [1]]
+    assert sorted(np.concatenate(_alike([5, 100, 99, 4, 1]))) == [0, 1, 2, 3, 4]

@@ -1,4 +1,4 @@
-"""The simulator along the recordings: nothing left on its own truck, and what each question to it returns."""
+"""The residual of a simulator along recordings, its weights and sensitivities."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from deeptruck_core.errors import InputError
+from deeptruck_core.json_data import from_json, to_json
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.mechanisms import variant
@@ -15,7 +16,7 @@ from deeptruck_model.mismatch.prepare.prepared import prepare
 from deeptruck_model.mismatch.residual import gather
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.gather import REFIT_PARAMETERS
+from deeptruck_model.mismatch.residual.gather import REFIT_PARAMETERS, accepted
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import driving_cycles
 
@@ -191,3 +192,42 @@ def test_what_is_decided_sooner_shows_at_shifts_alone(own: Evidence) -> None:
 def test_a_simulator_that_may_be_learned_decides_at_no_moment(drives: list[Recording]) -> None:
     e = gather.gather(BlackBox(TRUCK), [prepare(r, False) for r in drives], [False, True])  # type: ignore[arg-type]
     assert e.sooner is None
+
+
+def test_what_a_truck_may_have_stays_as_it_is() -> None:
+    asked = {"mass": 0.3, "drag_area": -0.2, "brake_gain": 0.25, "unheard_of": 7.0}
+    assert accepted(TRUCK, asked, near=0.02) == asked
+
+
+@pytest.mark.parametrize("near", [0.0, 0.02])
+def test_a_truck_of_more_than_a_hundred_tonnes_is_taken_nearer(near: float) -> None:
+    """A run ended with 'mass is 112866 kg, not 1000 to 100000'."""
+    change = accepted(TRUCK, {"mass": 112866.0 / MASS - 1.0}, near)["mass"]
+    assert 0.5 < change < 99999.0 / MASS - 1.0
+    TRUCK.with_parameters({"mass": MASS * (1.0 + change) * (1.0 + near)})
+
+
+@pytest.fixture
+def shares(nothing_missing: Evidence) -> Shares:
+    """A truck whose engine gives 2 m/s^2 at full command at low speed and half of it at 20 m/s."""
+    e = nothing_missing
+    slow = e.lag(e["engine_command"], 0.4)
+    signals = e.signals | {"engine": slow * (2.0 - 0.05 * e["speed"]), "ratio": np.full(len(e), 8.0)}
+    return Shares.of(replace(e, signals=signals))
+
+
+def test_forces_are_read_from_speed_and_command(shares: Shares) -> None:
+    now = shares.now(np.array([16.0, 20.0]), np.array([[0.5, 0.0], [0.5, 0.4]]))
+    assert now["engine"] == pytest.approx([0.6, 0.5], rel=0.05)
+    assert now["brake"] == pytest.approx([0.0, 0.4], rel=0.2)
+    assert now["drag"] == pytest.approx([1e-4 * 256, 1e-4 * 400])
+    assert now["rolling"] == pytest.approx([0.06, 0.06])
+    assert now["engine_speed"] == pytest.approx([128.0, 160.0], rel=0.01)
+
+
+def test_a_truck_without_brake_command_has_no_brake_share(shares: Shares) -> None:
+    assert shares.now(np.array([16.0]), np.array([[0.5]]))["brake"] == pytest.approx([0.0])
+
+
+def test_maps_are_plain_data(shares: Shares) -> None:
+    assert from_json(Shares, to_json(shares)) == shares
