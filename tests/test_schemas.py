@@ -155,7 +155,7 @@ def test_columns(where: str, value: Any, good: bool) -> None:
 )
 def test_topic_maps(where: str, value: Any, good: bool) -> None:
     data = changed(TOPICS, where, value)
-    assert program_takes(lambda: topic_map.facts(data)) == good
+    assert program_takes(lambda: topic_map.load(data)) == good
     assert fits("topics", data) == good
 
 

@@ -1,4 +1,4 @@
-"""Wrong simulators and bags are told by manifests and metadata alone, all misfits in one line."""
+"""What simulators and bags say of themselves in manifests and metadata."""
 
 from __future__ import annotations
 
@@ -15,27 +15,22 @@ from deeptruck_core.signals import TruckInterface
 from deeptruck_model import checks, simulators, trucks
 from deeptruck_model.checks.compatibility import Given, Taken, misfits
 from deeptruck_model.recordings import Recording, write_bag
-from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
+from deeptruck_model.recordings.several import check_fit
 
 TRUCK = TruckInterface("trucksim")
 
 
-def bag_of(path: Path, interface: TruckInterface = TRUCK, *, without: tuple[str, ...] = ()) -> Path:
-    names = {"speed", "acceleration", *interface.u, *interface.w} - set(without)
+def bag_of(path: Path, interface: TruckInterface = TRUCK) -> Path:
+    names = {"speed", "acceleration", *interface.u, *interface.w}
     channels = {name: np.zeros(30) for name in sorted(names)}
     return write_bag(path, [Recording(path.name, 0.1, channels, interface)], interface=interface)
 
 
 def test_a_bag_tells_its_interface_and_topics(tmp_path: Path) -> None:
     one = checks.bag(bag_of(tmp_path / "drive"))
-    assert one.interface == TRUCK and one.messages is not None
-    assert one.messages["/truck/twist"] == 30 and not one.lacks("grade")
-    bare = checks.bag(bag_of(tmp_path / "bare", TruckInterface("bare", grade=False)))
-    assert bare.lacks("grade") and not bare.lacks("engine_command")
-
-
-def test_topics_are_those_that_recordings_are_read_from() -> None:
-    assert {name: DEFAULT_TOPICS[name].topic for name in checks.TOPICS} == checks.TOPICS
+    assert one.interface == TRUCK and one.messages is not None and one.messages["/truck/twist"] == 30
+    alone = checks.bag(next((tmp_path / "drive").glob("*.mcap")))
+    assert alone.interface is None and alone.messages is None
 
 
 def test_simulators_tell_what_they_are(tmp_path: Path) -> None:
@@ -53,7 +48,7 @@ def test_simulators_tell_what_they_are(tmp_path: Path) -> None:
     ("text", "says"),
     [
         ("truck:truksim", "there is no truck 'truksim'; did you mean trucksim"),
-        ("truck:trucksim:mass=-1", "'mass=-1' is no file: parameters are replaced by a YAML file"),
+        ("truck:trucksim:mass=-1", "mass=-1 cannot be read: it does not exist; give a YAML file of"),
         ("truck:trucksim:{dir}/heavy.yaml", "parameter 'mass' is -1 kg, not 1000 to 100000"),
         ("truck:trucksim:{dir}/none.yaml", "none.yaml cannot be read: it does not exist"),
         ("{dir}/none", "none does not exist"),
@@ -113,22 +108,22 @@ def test_a_bag_that_cannot_be_used_is_one_line(tmp_path: Path) -> None:
             checks.bag(tmp_path / name)
 
 
-def test_all_misfits_come_in_one_line(tmp_path: Path) -> None:
-    percent = bag_of(tmp_path / "percent", TruckInterface("p", engine_unit="percent", grade=False))
-    bar = bag_of(tmp_path / "bar", TruckInterface("b", brake_unit="bar"))
-    fits = bag_of(tmp_path / "fits")
-    checks.inputs("truck:trucksim", [fits])
+def test_a_recording_that_cannot_drive_a_simulator_is_one_line() -> None:
+    taken = Taken("the truck", TRUCK, 0.1)
+    channels = {"speed": np.zeros(9), "engine_command": np.zeros(9), "brake_command": np.zeros(9)}
+    drive = Recording("monday", 0.1, {**channels, "grade": np.zeros(9)}, TRUCK)
+    check_fit([drive], taken)
+    percent = TruckInterface("p", engine_unit="percent", brake_unit="bar", grade=False)
     with pytest.raises(InputError) as caught:
-        checks.inputs("truck:trucksim", [percent, bar, fits, tmp_path / "none"])
-    line = str(caught.value)
-    assert line.startswith("4 things do not fit: (1) ") and "\n" not in line
+        check_fit([drive, Recording("friday", 0.2, channels, percent)], taken)
     for words in (
-        "none does not exist",
-        "percent has no grade, which the simulator truck:trucksim needs",
-        "percent has engine_command in percent, the simulator truck:trucksim takes N m",
-        "bar has brake_command in bar, the simulator truck:trucksim takes percent",
+        "'friday' is sampled every 0.2 s, the truck steps 0.1 s",
+        "'friday' has no grade, which the truck needs",
+        "'friday' has engine_command in percent, the truck takes N m",
+        "'friday' has brake_command in bar, the truck takes percent",
     ):
-        assert words in line
+        assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_truck_that_follows_a_gear_that_was_not_recorded_may_choose_its_own() -> None:
@@ -136,46 +131,6 @@ def test_a_truck_that_follows_a_gear_that_was_not_recorded_may_choose_its_own() 
     (line,) = misfits(taken, Given("drive", lambda name: name == "gear", lambda name: None))
     assert line.startswith("drive has no gear, which the truck needs; record it or use another simulator; ")
     assert line.endswith("without '?gear=recorded' behind its name a truck chooses its own gear")
-
-
-def mapped(**units: str) -> checks.Mapped:
-    topics = ("/truck/twist", "/truck/command", "/truck/command", "/road")
-    return checks.Mapped(dict(zip(checks.TOPICS, topics, strict=True)), units)
-
-
-def test_a_topic_map_is_judged_as_the_bag_is(tmp_path: Path) -> None:
-    percent = bag_of(tmp_path / "percent", TruckInterface("p", engine_unit="percent"))
-    fits = bag_of(tmp_path / "fits")
-    checks.inputs("truck:trucksim", [percent, fits], mapped=mapped(engine_command="N m"))
-    with pytest.raises(InputError, match="fits has engine_command in percent, the simulator"):
-        checks.inputs("truck:trucksim", [fits], mapped=mapped(engine_command="percent"))
-    only_speed = checks.Mapped({"speed": "/truck/twist"}, {})
-    with pytest.raises(InputError, match="fits has no engine_command, brake_command, grade, which"):
-        checks.inputs("truck:trucksim", [fits], mapped=only_speed)
-    with pytest.raises(InputError, match="no bag has an engine_command"):
-        checks.same_truck([fits], mapped=only_speed)
-    elsewhere = checks.Mapped({"speed": "/odom"}, {})
-    with pytest.raises(InputError, match="no message on /odom, where the topic map has 'speed'"):
-        checks.bag(fits, mapped=elsewhere)
-    checks.same_truck([fits, percent], mapped=mapped(engine_command="N m", brake_command="percent"))
-
-
-def test_bags_of_two_trucks_are_not_trained_on_together(tmp_path: Path) -> None:
-    percent = bag_of(tmp_path / "percent", TruckInterface("p", engine_unit="percent"))
-    fits = bag_of(tmp_path / "fits")
-    checks.same_truck([fits, fits])
-    with pytest.raises(InputError, match=r"engine_command in percent, .*fits in N m"):
-        checks.same_truck([fits, percent])
-    silent = bag_of(tmp_path / "silent", without=("engine_command", "brake_command"))
-    checks.same_truck([fits, silent])
-    with pytest.raises(InputError, match="no bag has an engine_command"):
-        checks.same_truck([silent])
-
-
-def test_a_lone_file_is_taken_at_its_word(tmp_path: Path) -> None:
-    file = next(bag_of(tmp_path / "drive").glob("*.mcap"))
-    one = checks.bag(file)
-    assert one.interface is None and one.messages is None and not one.lacks("grade")
 
 
 def test_what_every_check_says_is_said_once() -> None:
@@ -203,14 +158,13 @@ def test_checks_import_nothing_heavy(tmp_path: Path) -> None:
     (tmp_path / "light.yaml").write_text("mass: 12000\n")
     code = (
         "import json, sys\nfrom pathlib import Path\nfrom deeptruck_model import checks\n"
-        f"checks.inputs('truck:trucksim', [Path({str(tmp_path / 'drive')!r})])\n"
-        "light = 'numpy' not in sys.modules\n"
+        f"checks.bag(Path({str(tmp_path / 'drive')!r}))\n"
         f"checks.simulator({'truck:volvo:' + str(tmp_path / 'light.yaml')!r})\n"
         "heavy = {'torch', 'numba', 'scipy', 'matplotlib', 'rosbags', 'mcap'} & set(sys.modules)\n"
-        "print(json.dumps([light, sorted(heavy)]))"
+        "print(json.dumps(sorted(heavy)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout) == [True, []]
+    assert json.loads(done.stdout) == []
 
 
 @pytest.mark.parametrize("mass_kg", [-1.0, 0.0, float("nan"), float("inf")])

@@ -20,12 +20,6 @@ METADATA = "metadata.yaml"  # what a rosbag2 folder says of itself; without one 
 EXTRA_KEY = "deeptruck.extra"  # names of the channels on /extra
 INTERFACE_KEY, NOTES_KEY = "deeptruck.interface", "deeptruck.notes"  # stored with a bag, as JSON
 Clock = Literal["log", "stamp"]  # of a message's two times: when it was recorded, and its header's
-TOPICS = {  # of the channels that a simulator cannot do without, as docs/topics.md names them
-    "speed": "/truck/twist",
-    "engine_command": "/truck/command",
-    "brake_command": "/truck/command",
-    "grade": "/road",
-}
 MAGIC = {".mcap": b"\x89MCAP0\r\n", ".db3": b"SQLite format 3\0", ".bag": b"#ROSBAG V"}
 RECORD_AGAIN = (
     "record while the truck's topics are published ('ros2 topic list' shows them): with --record of a start "
@@ -34,56 +28,28 @@ RECORD_AGAIN = (
 
 
 @dataclass(frozen=True)
-class Mapped:
-    """Facts of a topic map: the topic of each channel, and the units of commands."""
-
-    topics: Mapping[str, str]
-    units: Mapping[str, str]
-
-
-@dataclass(frozen=True)
 class BagFacts:
-    """Facts about a bag.
-
-    `interface` is None if none is stored; `messages` is their number by topic, None if it cannot be known
-    without reading the bag. `mapped` is the topic map by which the bag is read, None for our own topics.
-    """
+    """The truck interface stored in a bag, None without one, and the number of messages by topic, None if it
+    cannot be known without reading the bag."""
 
     path: Path
-    interface: TruckInterface | None
-    messages: Mapping[str, int] | None
-    mapped: Mapped | None = None
-
-    def lacks(self, channel: str) -> bool:
-        """Whether the channel is certainly missing; False if this cannot be known without reading the bag."""
-        if self.mapped is not None and channel not in self.mapped.topics:
-            return True
-        topic = (self.mapped.topics if self.mapped else TOPICS).get(channel)
-        return topic is not None and self.messages is not None and not self.messages.get(topic)
-
-    def unit(self, channel: str) -> str | None:
-        """The unit of a command; None if unknown."""
-        if self.mapped is not None and channel in self.mapped.units:
-            return self.mapped.units[channel]
-        if self.interface is None or (channel == "brake_command" and self.interface.brake_unit is None):
-            return None
-        return self.interface.unit(channel)
+    interface: TruckInterface | None = None
+    messages: Mapping[str, int] | None = None
 
 
-def bag(path: Path, *, mapped: Mapped | None = None, any_topics: bool = False) -> BagFacts:
+def bag(path: Path) -> BagFacts:
     """Facts about a bag from its metadata: a rosbag2 folder, or a single .mcap, .db3 or .bag file.
 
-    Raises InputError if there is no finished bag, or if it lacks a speed on our topics or a topic of the map
-    `mapped`; with `any_topics` the topics are not checked.
+    Raises InputError if there is no finished bag.
     """
     if not path.exists():
         raise InputError(f"{path} does not exist")
     if path.is_file():
         _check_magic(path)
-        return BagFacts(path, None, None, mapped)
+        return BagFacts(path)
     check_folder(path)
     if not (path / METADATA).is_file():
-        return BagFacts(path, None, None, mapped)
+        return BagFacts(path)
     information = information_of(path / METADATA)
     try:
         messages = _messages(information)
@@ -92,30 +58,11 @@ def bag(path: Path, *, mapped: Mapped | None = None, any_topics: bool = False) -
         ]
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{path / METADATA} is damaged ({error!r}); {_MEND}") from None
-    one = BagFacts(path, _interface(path, information), messages, mapped)
     if missing:
         raise InputError(f"{path} has lost {', '.join(missing)}; restore it, or give another bag")
-    if one.messages is not None and not any(one.messages.values()):
+    if messages is not None and not any(messages.values()):
         raise InputError(f"{path} is empty, it holds no message; {RECORD_AGAIN}")
-    if not any_topics:
-        _check_topics(one)
-    return one
-
-
-def _check_topics(one: BagFacts) -> None:
-    held = sorted(name for name, count in (one.messages or {}).items() if count)
-    present = f"(topics there: {', '.join(held)})"
-    for channel, topic in one.mapped.topics.items() if one.mapped and one.messages else ():
-        if topic not in held:
-            raise InputError(
-                f"{one.path} has no message on {topic}, where the topic map has '{channel}' {present}; "
-                "change that line, or leave it out"
-            )
-    if one.lacks("speed"):
-        raise InputError(
-            f"{one.path} has no speed: no message on {TOPICS['speed']} {present}; name yours in a topic map, "
-            "--topic-map FILE: 'deeptruck-model suggest' proposes one"
-        )
+    return BagFacts(path, _interface(path, information), messages)
 
 
 _MEND = "remove it and mend the bag with 'deeptruck-model repair'"

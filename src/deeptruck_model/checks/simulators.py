@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
-from dataclasses import dataclass, replace
-from importlib import resources
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -40,21 +38,10 @@ def simulator(text: str) -> SimulatorFacts:
     Raises InputError for a missing truck or override, a factory that makes no simulator, or a directory that
     is no simulator.
     """
-    if text.startswith("truck:") and "?" in text:
-        from deeptruck_model.trucks.specification import follows_recorded_gear
-
-        named, _ = follows_recorded_gear(text)
-        facts = simulator(named)
-        return replace(facts, name=text, interface=replace(facts.interface, gear=True))
     if text.startswith("truck:"):
-        file = text.removeprefix("truck:")
-        if file.endswith((".yaml", ".yml")):
-            from deeptruck_model.trucks.specification import from_file, is_truck_file
+        from deeptruck_model.trucks.specification import named
 
-            if is_truck_file(file):
-                return SimulatorFacts(text, "physics", from_file(Path(file)).interface, 0.1)
-        _, name, *overrides = text.split(":", 2)
-        return _physics_truck(text, name, overrides[0] if overrides else None)
+        return SimulatorFacts(text, "physics", named(text.removeprefix("truck:")).interface, 0.1)
     if is_outside(text):
         return SimulatorFacts(text, KIND, *look(text))
     if by_scheme(text):  # of another package, which alone knows what it is
@@ -92,18 +79,12 @@ def by_scheme(text: str) -> bool:
     return bool(rest) and scheme in registered(SCHEMES)
 
 
-def deep_simulator(text: str) -> SimulatorFacts:
-    """Facts about the simulator directory of a deep truck. Raises InputError for any other."""
-    facts = simulator(text)
-    if facts.kind != "deep":
-        raise InputError(f"{text} is no deep truck; train one with 'deeptruck-model train'")
-    return facts
-
-
 def manifest(path: Path) -> dict[str, Any]:
     """The manifest of a simulator directory. Raises InputError if it is missing, damaged or unknown."""
     if not path.exists():
-        known = ", ".join(f"truck:{name}" for name in trucks())
+        from deeptruck_model.trucks.specification import pool
+
+        known = ", ".join(f"truck:{name}" for name in pool())
         raise InputError(f"{path} does not exist; give a simulator directory, {known}, {FORM} or {FMU_FORM}")
     if path.suffix == ".py":
         raise InputError(f"{path} is a Python file; give it as python:{path.stem}:FACTORY from its folder")
@@ -116,28 +97,3 @@ def manifest(path: Path) -> dict[str, Any]:
     if data.get("kind") not in kinds:
         raise InputError(f"{path / MANIFEST} has no known kind; installed are {', '.join(kinds) or 'none'}")
     return data
-
-
-def trucks() -> tuple[str, ...]:
-    """Names of the reference trucks."""
-    names = (entry.name for entry in (resources.files("deeptruck_model") / "trucks" / "pool").iterdir())
-    return tuple(sorted(name.removesuffix(".yaml") for name in names if name.endswith(".yaml")))
-
-
-def _physics_truck(text: str, name: str, overrides: str | None) -> SimulatorFacts:
-    if name not in trucks():
-        near = difflib.get_close_matches(name, trucks(), n=1)
-        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(trucks())}"
-        raise InputError(f"there is no truck '{name}'; {hint}")
-    if overrides is None:
-        data = reading.package_yaml("deeptruck_model", f"trucks/pool/{name}.yaml")["interface"]
-        return SimulatorFacts(text, "physics", TruckInterface.from_dict({"name": name, **data}), 0.1)
-    if "=" in overrides and not Path(overrides).exists():
-        raise InputError(
-            f"'{overrides}' is no file: parameters are replaced by a YAML file that holds lines such as "
-            f"'mass: 25000', given as truck:{name}:FILE.yaml"
-        )
-    from deeptruck_model.trucks.specification import from_pool, override, read_yaml
-
-    truck = override(from_pool(name), read_yaml(Path(overrides)), overrides)
-    return SimulatorFacts(text, "physics", truck.interface, 0.1)

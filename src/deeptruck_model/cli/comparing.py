@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +12,7 @@ import typer
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import speed_unit
 from deeptruck_model import checks, results
-from deeptruck_model.cli.inputs import ClockOption, MessageFiles, Overwrite, TopicMap, Units, mapped
+from deeptruck_model.cli.inputs import ClockOption, MessageFiles, Overwrite, TopicMap, Units
 
 _HELP = """Show drives side by side, aligned in time and along a shared road.
 
@@ -48,18 +47,16 @@ def compare(
 ) -> None:
     per = speed_unit(units)
     given = _offsets(offset_s or [])
-    bags = [_bag(text) for text in sides]
-    checks.every(*(partial(_a_drive, text, sides) for text in sides))  # first: else it is said to be no bag
-    checks.every(
-        lambda: _several(sides),
-        lambda: results.apart(out, *bags),
-        lambda: results.COMPARISON.check(out, overwrite=overwrite),
-        *(_inputs(text, topic_map) for text in dict.fromkeys(sides)),
-    )
+    from deeptruck_model.compare.naming import ONE_RUN, split_name
+
+    results.apart(out, *(split_name(text)[1] for text in sides))
+    results.COMPARISON.check(out, overwrite=overwrite)
+    _several(sides)
+    for text in sides:
+        _a_drive(text, sides)  # else it is said to be no bag
     from deeptruck_model.compare import compare as compared
     from deeptruck_model.compare import write
     from deeptruck_model.compare.alignment import By
-    from deeptruck_model.compare.naming import ONE_RUN
 
     found = compared(sides, given=given, topic_map=topic_map, clock=clock, msg=msg or ())
     with results.COMPARISON.replacing(out, overwrite=overwrite) as draft:
@@ -77,19 +74,6 @@ def compare(
 
 
 compare.__doc__ = _HELP
-
-
-def _bag(text: str) -> Path:
-    from deeptruck_model.compare.naming import split_name
-
-    return split_name(text)[1]
-
-
-def _inputs(text: str, topic_map: Path | None):  # type: ignore[no-untyped-def]
-    from deeptruck_model.compare.naming import split_name
-
-    simulator, bag = split_name(text)
-    return lambda: checks.inputs(simulator, [bag], mapped=mapped(topic_map))
 
 
 def _a_drive(text: str, sides: Sequence[str]) -> None:

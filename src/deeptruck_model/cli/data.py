@@ -14,7 +14,7 @@ from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import shown, speed_unit
 from deeptruck_core.terminal.progress import progress
-from deeptruck_model import checks, results
+from deeptruck_model import results
 from deeptruck_model.checks import Clock
 from deeptruck_model.cli.inputs import (
     ClockOption,
@@ -22,7 +22,6 @@ from deeptruck_model.cli.inputs import (
     Overwrite,
     TopicMap,
     Units,
-    mapped,
     show_accounts,
 )
 
@@ -207,11 +206,7 @@ def table_of(
     msg: MessageFiles = None,
 ) -> None:
     """Write the recordings of bags as a table."""
-    checks.every(
-        lambda: results.apart(out, *bags),
-        lambda: files.check_new(out),
-        lambda: checks.inputs(None, bags, mapped=mapped(topic_map)),
-    )
+    results.apart(out, *bags)
     from deeptruck_model.recordings import check_table, read_all, write_table
 
     check_table(out)
@@ -233,12 +228,9 @@ def show_coverage(
     overwrite: Overwrite = False,
 ) -> None:
     """Draw what the bags hold."""
-    checks.every(
-        lambda: results.apart(out, *bags),
-        lambda: results.COVERAGE.check(out, overwrite=overwrite),
-        lambda: speed_unit(units),
-        lambda: checks.inputs(None, bags, mapped=mapped(topic_map)),
-    )
+    results.apart(out, *bags)
+    results.COVERAGE.check(out, overwrite=overwrite)
+    speed_unit(units)
     from deeptruck_model.recordings import coverage, read_all
     from deeptruck_model.recordings.not_recorded import sentence
 

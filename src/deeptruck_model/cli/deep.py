@@ -11,7 +11,7 @@ import typer
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_core.terminal import console
-from deeptruck_model import checks, results
+from deeptruck_model import results
 from deeptruck_model.cli.inputs import (
     Bags,
     ClockOption,
@@ -19,7 +19,6 @@ from deeptruck_model.cli.inputs import (
     Overwrite,
     TopicMap,
     deep_truck,
-    mapped,
     read,
 )
 from deeptruck_model.cli.judging import calibrate, evaluate
@@ -79,12 +78,9 @@ def train(
 
     Example: deeptruck-model train drives/monday drives/tuesday --out simulators/mytruck
     """
-    checks.every(
-        lambda: results.apart(out, *bags, *([start] if start else [])),
-        lambda: results.DEEP_TRUCK.check_start(out, resume=resume, overwrite=overwrite or resume),
-        lambda: checks.same_truck(bags, mapped=mapped(topic_map)),
-        *([lambda: checks.adapted(str(start), bags, mapped=mapped(topic_map))] if start else []),
-    )
+    results.apart(out, *bags, *([start] if start else []))
+    results.DEEP_TRUCK.check_start(out, resume=resume, overwrite=overwrite or resume)
+    recordings = read(bags, topic_map, clock, msg)
     from deeptruck_model.deep import Arguments
 
     arguments = Arguments(
@@ -95,7 +91,7 @@ def train(
         members=members,
         start="" if start is None else str(start),
     )
-    _train(read(bags, topic_map, clock, msg), out, arguments, resumes=resume, overwrite=overwrite)
+    _train(recordings, out, arguments, resumes=resume, overwrite=overwrite)
 
 
 def _train(
@@ -155,16 +151,13 @@ def sweep(
 
     Example: deeptruck-model sweep drives/monday --out rates --set learning_rate=0.003,0.006 --seeds 5
     """
+    results.apart(out, *bags)
+    results.SWEEP.check_start(out, resume=resume, overwrite=overwrite or resume)
     from deeptruck_model import sweeps
-    from deeptruck_model.deep.sweep import combinations
-    from deeptruck_model.deep.sweep import sweep as train_all
+    from deeptruck_model.recordings.several import check
 
-    checks.every(
-        lambda: results.apart(out, *bags),
-        lambda: results.SWEEP.check_start(out, resume=resume, overwrite=overwrite or resume),
-        lambda: combinations(sweeps.read_grid(set_ or [])),
-        lambda: checks.same_truck(bags, mapped=mapped(topic_map)),
-    )
+    check(bags, topic_map)
+    from deeptruck_model.deep.sweep import sweep as train_all
 
     def say(line: str) -> None:
         typer.echo(line, err=True)
@@ -208,11 +201,8 @@ def export(
         _export_fmu(simulator, fmu)
         return
     assert out is not None
-    checks.every(
-        lambda: files.check_new(out),
-        lambda: results.apart(out, Path(simulator)),
-        lambda: checks.deep_simulator(simulator),
-    )
+    files.check_new(out)
+    results.apart(out, Path(simulator))
     from deeptruck_model.deep import onnx_export
 
     truck = deep_truck(simulator)
@@ -223,12 +213,8 @@ def export(
 def _export_fmu(simulator: str, out: Path) -> None:
     from deeptruck_model.fmu import export as fmu_export
 
-    checks.every(
-        lambda: files.check_new(out),
-        lambda: results.apart(out, Path(simulator)),
-        lambda: checks.simulator(simulator),
-        lambda: fmu_export.check(simulator),
-    )
+    files.check_new(out)
+    results.apart(out, Path(simulator))
     fmu_export.export(simulator, out)
     typer.echo(f"{out}: FMI 3 for co-simulation; it needs Python with deeptruck, see docs/simulators.md")
 

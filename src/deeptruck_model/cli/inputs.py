@@ -11,7 +11,7 @@ import typer
 
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
-from deeptruck_model.checks import Clock, Mapped
+from deeptruck_model.checks import Clock
 
 if TYPE_CHECKING:
     from deeptruck_core.account import Account, Aside
@@ -56,22 +56,15 @@ def present(*paths: Path, cure: str = "") -> None:
 
 
 def deep_truck(simulator: str) -> DeepTruck:
-    """The deep truck in a simulator directory that `checks.deep_simulator` has checked."""
-    from deeptruck_model import simulators
-    from deeptruck_model.deep import DeepTruck
+    """The deep truck in a simulator directory. Raises InputError for any other simulator."""
+    from deeptruck_model import checks, simulators
 
+    if checks.simulator(simulator).kind != "deep":
+        raise InputError(f"{simulator} is no deep truck; train one with 'deeptruck-model train'")
     truck = simulators.load(simulator)
-    assert isinstance(truck, DeepTruck)
+    if TYPE_CHECKING:
+        assert isinstance(truck, DeepTruck)
     return truck
-
-
-def mapped(topic_map: Path | None) -> Mapped | None:
-    """The topic map, None without one. Raises InputError if the file is missing or no topic map."""
-    if topic_map is None:
-        return None
-    from deeptruck_model.recordings.topic_map import facts
-
-    return facts(topic_map)
 
 
 def read(

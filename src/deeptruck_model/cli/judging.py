@@ -11,7 +11,7 @@ import typer
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import printed, sensible, speed_unit
 from deeptruck_core.terminal.progress import progress
-from deeptruck_model import checks, results
+from deeptruck_model import results
 from deeptruck_model.cli.inputs import (
     SIMULATOR,
     Bags,
@@ -21,7 +21,6 @@ from deeptruck_model.cli.inputs import (
     TopicMap,
     Units,
     deep_truck,
-    mapped,
     read,
 )
 
@@ -50,18 +49,17 @@ def evaluate(
     Example: deeptruck-model evaluate simulators/mytruck drives/friday --out evaluation
     """
     per = speed_unit(units)
-    checks.every(
-        lambda: results.apart(out, *bags, Path(simulator)),
-        lambda: results.EVALUATION.check(out, overwrite=overwrite),
-        lambda: _finite(horizon),
-        lambda: checks.inputs(simulator, bags, mapped=mapped(topic_map)),
-    )
-    from deeptruck_model import simulators
-    from deeptruck_model.deep import evaluate as evaluate_simulator
-    from deeptruck_model.recordings.consistency import gears
-
+    results.apart(out, *bags, Path(simulator))
+    results.EVALUATION.check(out, overwrite=overwrite)
+    if not math.isfinite(horizon):
+        raise InputError(f"a horizon of {horizon:g} s is none; give seconds, such as 40")
     with progress("reading") as say:
-        truck, recordings = simulators.load(simulator), read(bags, topic_map, clock, msg)
+        recordings = read(bags, topic_map, clock, msg)
+        from deeptruck_model import simulators
+        from deeptruck_model.deep import evaluate as evaluate_simulator
+        from deeptruck_model.recordings.consistency import gears
+
+        truck = simulators.load(simulator)
         said = gears.other_truck(truck, recordings)
         say(f"driving {trials} free runs and the baselines, and drawing them")
         metrics = evaluate_simulator(
@@ -88,11 +86,6 @@ def evaluate(
     _remarks(truck, recordings, metrics, horizon)
 
 
-def _finite(horizon: float) -> None:
-    if not math.isfinite(horizon):
-        raise InputError(f"a horizon of {horizon:g} s is none; give seconds, such as 40")
-
-
 def calibrate(
     simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory of a deep truck.")],
     bags: Bags,
@@ -106,16 +99,13 @@ def calibrate(
 
     Example: deeptruck-model calibrate simulators/mytruck drives/friday --out simulators/calibrated
     """
-    checks.every(
-        lambda: results.apart(out, *bags, Path(simulator)),
-        lambda: results.CALIBRATED.check(out, overwrite=overwrite),
-        lambda: checks.deep_simulator(simulator),
-        lambda: checks.inputs(simulator, bags, mapped=mapped(topic_map)),
-    )
+    results.apart(out, *bags, Path(simulator))
+    results.CALIBRATED.check(out, overwrite=overwrite)
+    recordings = read(bags, topic_map, clock, msg)
     from deeptruck_model.deep import card, evaluation, remarks
     from deeptruck_model.recordings import splits
 
-    truck, recordings = deep_truck(simulator), read(bags, topic_map, clock, msg)
+    truck = deep_truck(simulator)
     splits.refuse_shared(recordings)
     calibrated = evaluation.calibrated(truck, recordings)
     card.publish_calibrated(calibrated, recordings, Path(simulator), out, overwrite)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,7 +19,6 @@ from deeptruck_model.cli.inputs import (
     Overwrite,
     TopicMap,
     Units,
-    mapped,
     show_accounts,
 )
 from deeptruck_model.mismatch import folders
@@ -29,7 +27,6 @@ from deeptruck_model.results import BAG_WITH_ROAD, FOUND, apart
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
     from deeptruck_model.mismatch.mechanisms import Mechanism
-    from deeptruck_model.mismatch.slopes import SharedRoads
 
 Bags = Annotated[
     list[Path], typer.Option(help="Recordings (bags) to explain; repeat the option or list several.")
@@ -87,17 +84,16 @@ def mismatch(
     """
     held_out = held_out or []
     left_out = _spans(without or [])
-    checks.every(
-        lambda: FOUND.check(out, overwrite=overwrite),
-        lambda: apart(out, Path(simulator), *recordings, *held_out),
-        lambda: checks.inputs(simulator, [*recordings, *held_out], mapped=mapped(topic_map)),
-        lambda: checks.held_out(recordings, held_out),
-        lambda: checks.mass(mass_kg),
-        lambda: speed_unit(units),
-        lambda: _check_excluded(exclude or []),
-        lambda: _own(mechanisms) and None,
-        lambda: _gone("--serve", "leave rows out by --without, which the report prints", serve),
-    )
+    FOUND.check(out, overwrite=overwrite)
+    apart(out, Path(simulator), *recordings, *held_out)
+    _gone("--serve", "leave rows out by --without, which the report prints", serve)
+    checks.mass(mass_kg)
+    speed_unit(units)
+    _check_excluded(exclude or [])
+    own = _own(mechanisms)
+    from deeptruck_model.recordings.several import check_paths_apart
+
+    check_paths_apart(recordings, held_out)
     with FOUND.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
         from deeptruck_model import recordings as rec
         from deeptruck_model import simulators
@@ -118,7 +114,7 @@ def mismatch(
         spans = [Span(*span) for span in left_out]
         found = find_mismatch(
             truck, fit, held, seed=seed, exclude=exclude or (), without=spans, say=say, mass_kg=mass_kg,
-            mechanisms=_own(mechanisms),
+            mechanisms=own,
         )  # fmt: skip
         say("writing the report")
         fill(draft, found, folders.apply_command(out), units)
@@ -187,11 +183,9 @@ def apply(
 
     Example: deeptruck-model apply found --out better
     """
-    checks.every(
-        lambda: folders.APPLIED.check(out, overwrite=overwrite),
-        lambda: apart(out, directory),
-        lambda: folders.applicable(directory, refit=refit) and None,
-    )
+    folders.APPLIED.check(out, overwrite=overwrite)
+    apart(out, directory)
+    folders.applicable(directory, refit=refit)
     from deeptruck_model.mismatch import apply as apply_correction
     from deeptruck_model.mismatch import read
     from deeptruck_model.mismatch.report.lines import contains
@@ -216,11 +210,8 @@ def adapt(
 
     Example: deeptruck-model adapt SIM today --out adapted
     """
-    checks.every(
-        lambda: folders.APPLIED.check(out, overwrite=overwrite),
-        lambda: apart(out, Path(simulator), recording),
-        lambda: checks.inputs(simulator, [recording], mapped=mapped(topic_map)),
-    )
+    folders.APPLIED.check(out, overwrite=overwrite)
+    apart(out, Path(simulator), recording)
     with folders.APPLIED.replacing(out, overwrite=overwrite) as draft, progress("reading"):
         from deeptruck_model import recordings as rec
         from deeptruck_model import simulators
@@ -259,31 +250,19 @@ def road(
     Example: deeptruck-model road found a b c --out with_road
     Example: deeptruck-model road result/roads.csv a b c --out with_road
     """
-    fleet, shared_roads = directory.is_file(), cache(partial(_shared_roads, directory))  # read once
-    checks.every(
-        lambda: BAG_WITH_ROAD.check(out, overwrite=overwrite),
-        lambda: apart(out, directory, *recordings),
-        lambda: _gone("--other", "use 'deeptruck-model fleet roads', which merges shared roads", other),
-        shared_roads if fleet else partial(folders.check_road, directory),
-        lambda: checks.inputs(None, recordings, mapped=mapped(topic_map)),
-    )
+    BAG_WITH_ROAD.check(out, overwrite=overwrite)
+    apart(out, directory, *recordings)
+    _gone("--other", "use 'deeptruck-model fleet roads', which merges shared roads", other)
     from deeptruck_model import recordings as rec
-    from deeptruck_model.mismatch.slopes import Roads, with_road
+    from deeptruck_model.mismatch.slopes import Roads, SharedRoads, with_road
 
-    roads = shared_roads() if fleet else Roads.read(directory)
     read = rec.read_all(recordings, topic_map=topic_map, clock=clock, msg=msg or ())
+    roads = SharedRoads.read(directory) if directory.is_file() else Roads.read(directory)
     made, left_out = with_road(roads, read)
     rec.write_bag(out, made, interface=made[0].interface, overwrite=overwrite, kind=BAG_WITH_ROAD)
     print(f"{len(made)} recording{'s' * (len(made) != 1)} with a grade in {out}")
     if left_out:
         print(f"  note: left out, as no slope was found for them: {', '.join(left_out)}")
-
-
-def _shared_roads(table: Path) -> SharedRoads:
-    """The shared roads in a table. Raises InputError for any other table."""
-    from deeptruck_model.mismatch.slopes import SharedRoads
-
-    return SharedRoads.read(table)
 
 
 def _gone(option: str, instead: str, given: object) -> None:

@@ -13,9 +13,9 @@ import typer
 from deeptruck_core import files, reading
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
-from deeptruck_model import checks, results
-from deeptruck_model.checks.compatibility import Given, Taken, misfits
-from deeptruck_model.cli.inputs import ClockOption, MessageFiles, TopicMap, mapped
+from deeptruck_model import results
+from deeptruck_model.checks.compatibility import Taken
+from deeptruck_model.cli.inputs import ClockOption, MessageFiles, TopicMap
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Recording
@@ -73,24 +73,24 @@ def new(
 ) -> None:
     """Write the truck file."""
     bags = recordings or []
-    checks.every(
-        lambda: _yaml(truck),
-        lambda: files.check_new(truck),
-        lambda: results.apart(truck, *bags, *([source] if source else [])),
-        lambda: checks.inputs(None, bags, mapped=mapped(topic_map)) if bags else None,
-    )
+    if truck.suffix not in (".yaml", ".yml"):
+        raise InputError(f"{truck} must end in .yaml, as truck:FILE.yaml is how a truck file is named")
+    files.check_new(truck)
+    results.apart(truck, *bags, *([source] if source else []))
     if source is None and not sys.stdin.isatty():
         raise InputError("there is no terminal to ask at; give the data sheet by --from FILE.yaml")
     from deeptruck_model.recordings import read_all
     from deeptruck_model.recordings.consistency import gears
     from deeptruck_model.recordings.consistency.sensors import steady_ratios
+    from deeptruck_model.recordings.several import check_fit
     from deeptruck_model.trucks import own_truck
     from deeptruck_model.trucks.driven_controls import learned
 
     drives = read_all(bags, topic_map=topic_map, clock=clock, msg=msg or ()) if bags else []
     data = {} if source is None else dict(reading.yaml_mapping(source, "give a data sheet"))
     units = _units(data, drives)
-    _check_commands(truck, units, drives)
+    interface = TruckInterface(truck.stem, **units, grade=False)
+    check_fit(drives, Taken(f"the truck {truck.name}", interface, drives[0].dt if drives else 0.1))
     data = {**(data or _asked(drives, units)), **units}
     sheet = own_truck.sheet(data, str(source) if source else "the answers")
     slope = not drives or any("grade" in r.channels for r in drives)
@@ -113,11 +113,6 @@ def new(
     typer.echo(f"load it as truck:{truck}; 'deeptruck-model calibrate-truck' fits it to recordings")
 
 
-def _yaml(truck: Path) -> None:
-    if truck.suffix not in (".yaml", ".yml"):
-        raise InputError(f"{truck} must end in .yaml, as truck:FILE.yaml is how a truck file is named")
-
-
 def _units(data: dict[str, Any], drives: list[Recording]) -> dict[str, Any]:
     """Units of the commands: those of the sheet, else of the recordings if a physics truck has them."""
     known = {"engine_unit": ENGINE_UNITS[:2], "brake_unit": BRAKE_UNITS[:2]}
@@ -126,22 +121,10 @@ def _units(data: dict[str, Any], drives: list[Recording]) -> dict[str, Any]:
     return {**found, **{name: data[name] for name in known if name in data}}
 
 
-def _check_commands(truck: Path, units: dict[str, Any], drives: list[Recording]) -> None:
-    """Raises InputError if the recorded commands cannot drive a physics truck with these units."""
-    interface = TruckInterface(truck.stem, **units, grade=False)
-    for r in drives:
-        given = Given(f"'{r.name}'", partial(_lacks, r), r.interface.unit)
-        checks.refuse(misfits(Taken(f"the truck {truck.name}", interface, r.dt), given))
-
-
 def _unit(known: tuple[str, ...], value: str) -> None:
     """Raises InputError for a unit that a physics truck does not have."""
     if value not in known:
         raise InputError(f"give {' or '.join(known)}, not {value!r}")
-
-
-def _lacks(recording: Recording, channel: str) -> bool:
-    return channel not in recording.channels
 
 
 def _asked(drives: list[Recording], units: dict[str, Any]) -> dict[str, Any]:

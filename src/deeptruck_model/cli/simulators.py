@@ -13,8 +13,8 @@ from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_core.json_data import to_json
 from deeptruck_core.terminal.progress import progress
-from deeptruck_model import checks, results
-from deeptruck_model.cli.inputs import SIMULATOR, ClockOption, MessageFiles, Overwrite, TopicMap, mapped
+from deeptruck_model import results
+from deeptruck_model.cli.inputs import SIMULATOR, ClockOption, MessageFiles, Overwrite, TopicMap
 from deeptruck_model.outside import saved
 from deeptruck_model.outside.reference import is_outside, made, refer
 from deeptruck_model.outside.truck import lacks
@@ -83,8 +83,6 @@ def _driven(simulator: str, changed: Path | None) -> list[Row]:
     from deeptruck_model import simulators
     from deeptruck_model.simulators import protocol_check
 
-    if changed is None:
-        checks.simulator(simulator)
     truck = simulators.load(simulator) if changed is None else saved.as_it_is(changed)
     table = protocol_check.examine(truck)
     if protocol_check.missing(table):
@@ -132,16 +130,14 @@ def calibrate_truck(
     Example: deeptruck-model calibrate-truck truck:trucksim --recordings a b --held-out c --out mine
     """
     held_out = held_out or []
-    checks.every(
-        lambda: results.PHYSICS_TRUCK.check(out, overwrite=overwrite),
-        lambda: results.apart(out, Path(truck), *recordings, *held_out),
-        lambda: checks.held_out(recordings, held_out),
-        lambda: checks.inputs(truck, [*recordings, *held_out], mapped=mapped(topic_map)),
-    )
+    results.PHYSICS_TRUCK.check(out, overwrite=overwrite)
+    results.apart(out, Path(truck), *recordings, *held_out)
     from deeptruck_model import recordings as rec
     from deeptruck_model import simulators
+    from deeptruck_model.recordings.several import check_paths_apart
     from deeptruck_model.trucks import PhysicsTruck
 
+    check_paths_apart(recordings, held_out)
     given = simulators.load(truck)
     if not isinstance(given, PhysicsTruck):
         raise InputError(f"{truck} is no physics truck; 'deeptruck-model mismatch' refits other simulators")

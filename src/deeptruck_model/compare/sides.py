@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
 from deeptruck_model.checks import Clock
+from deeptruck_model.checks.compatibility import Taken
 from deeptruck_model.compare.naming import short_names, split_name
 from deeptruck_model.recordings import Recording, read
+from deeptruck_model.recordings.several import check_fit
 from deeptruck_model.simulators import Simulator, free_run
 
 Array = NDArray[np.float64]
@@ -69,6 +71,7 @@ def load(
         rate = 10.0 if truck is None else 1.0 / truck.dt
         recordings = read(bag, topic_map=topic_map, rate_hz=rate, clock=clock, msg=msg)
         if truck is not None:
+            check_fit(recordings, Taken(f"the simulator {simulator}", truck.interface, truck.dt))
             recordings = _driven(truck, recordings, text)
         out.append(replace(_side(name, recordings, step_s), simulated=simulator or "", bag=bag))
     return out
@@ -78,8 +81,6 @@ def _driven(simulator: Simulator, recordings: Sequence[Recording], text: str) ->
     """Free runs of the simulator with the commands of the recordings."""
     out = []
     for r in recordings:
-        if abs(r.dt - simulator.dt) > 1e-6:
-            raise InputError(f"{text}: the simulator's step is {simulator.dt:g} s, the bag's {r.dt:g} s")
         inputs = np.column_stack([r.columns(simulator.interface.u), r.columns(simulator.interface.w)])
         known = np.isfinite(inputs).all(axis=1) & np.isfinite(r.channels["speed"])
         out += [_run(simulator, r.piece(a, b)) for a, b in _segments(known, LEAST_RUN_S / r.dt)]

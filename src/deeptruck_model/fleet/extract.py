@@ -11,7 +11,6 @@ import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -24,8 +23,7 @@ from deeptruck_core.account import Account
 from deeptruck_core.errors import InputError
 from deeptruck_core.json_data import to_json
 from deeptruck_core.signals import TruckInterface
-from deeptruck_model.checks import compatibility
-from deeptruck_model.checks.compatibility import Given, Taken
+from deeptruck_model.checks.compatibility import Taken
 from deeptruck_model.fleet.plan import Drive
 from deeptruck_model.fleet.storage import Place, StorageError, code, key
 from deeptruck_model.recordings.recording import Recording
@@ -208,14 +206,9 @@ def _check(recordings: Sequence[Recording], taken: Taken, path: str) -> None:
     """Raises InputError for a recording that lacks an input of the class's simulator or has other units."""
     if not recordings:
         raise InputError(f"{path} holds no driving")
-    for r in recordings:
-        given = Given(path, partial(_lacks, r), r.interface.unit, r.dt)
-        if found := compatibility.misfits(taken, given):
-            raise InputError("; ".join(found))
+    from deeptruck_model.recordings.several import check_fit
 
-
-def _lacks(r: Recording, name: str) -> bool:
-    return name not in r.channels
+    check_fit(recordings, taken, path)
 
 
 def _place(drive: Drive, digest: str) -> str:

@@ -143,12 +143,12 @@ def mapping(path: Path | None, columns: bool) -> dict[str, Any] | None:
     if path is None:
         return None
     from deeptruck_model.recordings.tables.columns import load_columns
-    from deeptruck_model.recordings.topic_map import facts, is_topic_map, load_yaml
+    from deeptruck_model.recordings.topic_map import is_topic_map, load, load_yaml
 
     data = load_yaml(path)
     with reading.of(path):
         if columns and not is_topic_map(data) and "channels" in data:
             load_columns(data)
         elif not columns:
-            facts(data)
+            load(data)
     return data

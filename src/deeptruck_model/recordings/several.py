@@ -12,9 +12,10 @@ from typing import Any, TypeAlias
 from deeptruck_core.errors import InputError
 from deeptruck_model import checks
 from deeptruck_model.checks import Clock, calls
+from deeptruck_model.checks.compatibility import Given, Taken, misfits
 from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.recordings.topic_map import TopicMap
+from deeptruck_model.recordings.topic_map import TopicMap, load
 
 Drives: TypeAlias = Sequence[Recording] | Sequence[str | Path] | str | Path
 
@@ -38,6 +39,7 @@ def read_all(
     """
     if isinstance(bags, str | Path):
         raise InputError(f"bags must be a list of paths: read_all([{str(bags)!r}])")
+    check(bags, topic_map)
     names = distinct([Path(bag) for bag in (*bags, *among)])
     return [
         recording
@@ -47,6 +49,23 @@ def read_all(
             read(bag, topic_map=topic_map, rate_hz=rate_hz, clock=clock, mixed_clocks=mixed_clocks, msg=msg),
         )
     ]
+
+
+def check(bags: Sequence[str | Path], topic_map: TopicMap | str | Path | None = None) -> None:
+    """Raises InputError for a bag or topic map that cannot be read, by the headers of all bags."""
+    if topic_map is not None:
+        load(topic_map)
+    for bag in bags:
+        checks.bag(Path(bag))
+
+
+def check_fit(recordings: Iterable[Recording], taken: Taken, name: str = "") -> None:
+    """Raises InputError if a recording, called `name` or by its own name, cannot drive a simulator."""
+    for r in recordings:
+        lacks = {*taken.interface.u, *taken.interface.w} - {*r.channels}
+        given = Given(name or f"'{r.name}'", lacks.__contains__, r.interface.unit, r.dt)
+        if found := misfits(taken, given):
+            raise InputError("; ".join(found))
 
 
 def distinct(bags: Sequence[Path]) -> dict[Path, str]:
@@ -108,4 +127,8 @@ def check_paths_apart(recordings: Any, held_out: Any) -> None:
         [Path(part) for part in _parts(given) or () if isinstance(part, str | Path)]
         for given in (recordings, held_out)
     )
-    checks.held_out(fitted, held)
+    places = {path.resolve() for path in fitted}
+    if twice := [str(path) for path in dict.fromkeys(held) if path.resolve() in places]:
+        raise InputError(
+            f"{', '.join(twice)}: among the recordings and held out; hold out drives that are not fitted"
+        )

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from deeptruck_core import reading
 from deeptruck_core.schema import check
 from deeptruck_core.signals import CHANNELS, FAULTS, SLOPE_FROM
-from deeptruck_model.checks import Mapped
 from deeptruck_model.recordings import gated_brake, schemas
 from deeptruck_model.recordings.schemas import DRIVEN_BY, EXTRA, PARTS
 from deeptruck_model.recordings.units import Conversion, conversion
@@ -130,15 +129,6 @@ def stated(topic_map: TopicMap | str | Path, key: str) -> str | None:
     """What a topic map that `load` took says under DRIVEN_BY or SLOPE_FROM; None if it does not say."""
     data = load_yaml(Path(topic_map)) if isinstance(topic_map, str | Path) else topic_map
     return None if data.get(key) is None else str(data[key])
-
-
-def facts(topic_map: TopicMap | str | Path) -> Mapped:
-    """A topic map in the form that checks of bags need. Raises InputError as `load` does."""
-    found = load(topic_map)
-    return Mapped(
-        {channel: source.topic for channel, source in found.items()},
-        {channel: source.convert.unit for channel, source in found.items() if source.convert},
-    )
 
 
 def is_topic_map(meaning: Mapping[str, Any]) -> bool:

@@ -18,7 +18,7 @@ from deeptruck_core.signals import TruckInterface
 from deeptruck_model.trucks.coast_down import KEY, REPLACES, CoastDown
 from deeptruck_model.trucks.parameters import GEARS, PARAMETERS, PARTS, PEDAL, RECORD, TABLE, check_values
 
-OVERRIDES = "give a table of parameters such as 'mass: 25000'"
+OVERRIDES = "give a YAML file of parameters such as 'mass: 25000'"
 STRUCTURE = ("name", "interface", "ratios", "full_load")
 PEDAL_CURVE = "pedal"  # may be left out: the engine command is then a torque
 RECORDED_GEAR = "?gear=recorded"
@@ -229,20 +229,19 @@ def from_pool(name: str) -> Specification:
     return specification_from_dict(reading.package_yaml(__package__, f"pool/{name}.yaml"), f"truck '{name}'")
 
 
-def follows_recorded_gear(text: str) -> tuple[str, bool]:
-    """The text after `truck:` without RECORDED_GEAR, and whether it contained that.
-
-    Raises InputError for another '?'.
-    """
-    named, mark, option = text.partition("?")
+def named(text: str) -> Specification:
+    """The truck named by `truck:TEXT`: NAME, NAME:overrides.yaml or the truck file FILE.yaml, each followed
+    by RECORDED_GEAR if the truck is to follow the recorded gear. Raises InputError for another text."""
+    name, mark, option = text.partition("?")
     if mark and mark + option != RECORDED_GEAR:
         raise InputError(f"'{mark}{option}' is no option of a truck; the one there is: {RECORDED_GEAR}")
-    return named, bool(mark)
-
-
-def is_truck_file(text: str) -> bool:
-    """Whether the text after `truck:` is a truck file, and not a name with or without overrides."""
-    return text.endswith((".yaml", ".yml")) and ":" not in text
+    if name.endswith((".yaml", ".yml")) and ":" not in name:
+        truck = from_file(Path(name))
+    else:
+        name, _, overrides = name.partition(":")
+        truck = from_pool(name)
+        truck = override(truck, read_yaml(Path(overrides)), overrides) if overrides else truck
+    return replace(truck, interface=replace(truck.interface, gear=True)) if mark else truck
 
 
 def from_file(path: Path) -> Specification:

@@ -23,10 +23,8 @@ from deeptruck_model.trucks.forces import CommandFilter, Force, View, total_forc
 from deeptruck_model.trucks.parameters import check_value
 from deeptruck_model.trucks.specification import (
     Specification,
-    follows_recorded_gear,
-    from_file,
     from_pool,
-    is_truck_file,
+    named,
     override,
     read_yaml,
     specification_from_dict,
@@ -299,15 +297,8 @@ def load(name: str, overrides: str | None = None, *, dt: float = 0.1) -> Physics
 
 
 def load_text(text: str) -> PhysicsTruck:
-    """The truck named by `truck:TEXT`: NAME, NAME:overrides.yaml or the truck file FILE.yaml, each followed
-    by `?gear=recorded` if the truck is to follow the recorded gear."""
-    named, follows = follows_recorded_gear(text)
-    if is_truck_file(named):
-        truck = PhysicsTruck(from_file(Path(named)))
-    else:
-        name, _, overrides = named.partition(":")
-        truck = load(name, overrides or None)
-    return truck.with_recorded_gear() if follows else truck
+    """The truck that `specification.named` finds by a text."""
+    return PhysicsTruck(named(text))
 
 
 def load_directory(path: Path, manifest: Mapping[str, Any]) -> PhysicsTruck:

@@ -111,7 +111,7 @@ def test_an_evaluation_is_replaced_when_asked_only(
     words = ("evaluate", simulator, monday, "--out", tmp_path / "open_loop", "--trials", 5, "--horizon")
     assert script(*words, 20)[0] == 0
     code, _, errors = script(*words, "inf")
-    assert code == 2 and errors.count("\n") == 1 and "a horizon of inf s is none" in errors
+    assert code == 2 and errors.count("\n") == 1 and "holds an evaluation already" in errors
     assert "holds an evaluation already" in errors
     code, _, errors = script(*words, 5000, "--overwrite")
     assert code == 0 and "is 5000 s long: the runs are 599.9 s" in errors

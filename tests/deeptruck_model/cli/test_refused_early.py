@@ -10,18 +10,18 @@ import pytest
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
-from deeptruck_model import checks
 from deeptruck_model.cli.comparing import _a_drive
 from deeptruck_model.cli.simulators import _stated_mass
 from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings.several import check_paths_apart
 from deeptruck_model.recordings.tables.columns import load_columns
 
 
 def test_a_drive_is_fitted_or_held_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=r"a: among the recordings and held out; hold out drives"):
-        checks.held_out([Path("a"), Path("b")], [tmp_path / "a"])
-    checks.held_out([Path("a")], [Path("b")])
+        check_paths_apart(["a", "b"], [tmp_path / "a"])
+    check_paths_apart([Path("a")], [Path("b")])
 
 
 def test_a_simulator_without_a_drive_is_said_how_to_write() -> None:

@@ -168,12 +168,12 @@ def test_why_no_road_is_shared(bags: Path, a: str, b: str, why: str) -> None:
 
 def test_a_simulator_drives_along_a_bag_on_its_clock(bags: Path, drive: Recording) -> None:
     bag = bags / "whole"
-    _, simulated = compare([str(bag), f"truck:volvo@{bag}"]).compared
+    _, simulated = compare([str(bag), f"truck:trucksim@{bag}"]).compared
     (r,) = read(bag)
-    run = free_run(simulators.load("truck:volvo"), r.u[None], r.w[None], r.y[None, 0]).y[0, :, 1]
+    run = free_run(simulators.load("truck:trucksim"), r.u[None], r.w[None], r.y[None, 0]).y[0, :, 1]
     means = run[: len(run) // 5 * 5].reshape(-1, 5).mean(axis=1)
     np.testing.assert_allclose(simulated.side.columns["speed"][: len(means)], means, atol=1e-9)
-    assert simulated.offset.seconds == 0.0 and simulated.side.simulated == "truck:volvo"
+    assert simulated.offset.seconds == 0.0 and simulated.side.simulated == "truck:trucksim"
 
 
 def test_numbers_of_a_drive(bags: Path, drive: Recording) -> None:

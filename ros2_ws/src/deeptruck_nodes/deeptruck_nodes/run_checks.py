@@ -117,7 +117,7 @@ def bag_is_playable(bag: Path, topics: list[str]) -> None:
     """Raises InputError if there is no bag, or it lacks these topics; an unfinished bag is repaired."""
     if bag.is_dir() and any(bag.glob("*.mcap")) and not (bag / checks.METADATA).exists():
         return
-    held = checks.bag(bag, any_topics=True).messages
+    held = checks.bag(bag).messages
     if held is None:
         return
     for name in topics:

@@ -147,7 +147,7 @@ def replay(common: Common, given: Sections) -> int:
     if common.record is not None:
         sections["recorder"]["copy_of"] = str(bag.absolute())
     if common.page:
-        own = _page(common, checks.bag(bag, any_topics=True).interface)[PAGE]
+        own = _page(common, checks.bag(bag).interface)[PAGE]
         sections[PAGE] = {**sections[PAGE], **own}
     return _run("replay", common, sections, domain, ends="replay")
 
