@@ -340,6 +340,9 @@ def test_a_hold_takes_the_strongest_of_each_axis():
     assert hold.demands == {"brake": -2.0, "retarder": -10.0}
     assert hold.rise("brake", -1.0) == hold.demands["brake"] == -2.0
     assert hold.rise("brake", -3.0) == hold.rise("brake", math.nan) == -3.0
+    assert hold.begin({"brake": -0.5}, asked={"brake": -0.7, "retarder": 0.0})
+    assert hold.demands == {"brake": -0.7, "retarder": 0.0}
+    assert not hold.begin({"brake": -0.5}, asked={"brake": 0.0})
     hold.hold({"brake": -1.0, "retarder": -7.0})
     assert hold.demands == {"brake": -1.5, "retarder": -7.0}
     hold.hold({"brake": -2.0})

@@ -16,6 +16,7 @@ from fault_wire import Wire
 
 from deeptruck_cacc import load_policy
 from deeptruck_cacc.safety.guard import Guard, guard
+from deeptruck_cacc.safety.promise import Promise
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.simulators import load as load_truck
 from deeptruck_nodes.following import Following
@@ -39,10 +40,11 @@ load = cache(vehicles.load)
 _truck = cache(load_truck)
 
 
-def controller(vehicle: Vehicle, policy: str) -> Guard:
+def controller(vehicle: Vehicle, policy: str, limits: Promise | None = None) -> Guard:
     """What the controller node loads for a vehicle."""
     interface = _truck(vehicle.truck).interface
-    loaded = guard(load_policy(policy, interface), brake_limit=vehicle.brake_limit)
+    passes = {"brake_limit": vehicle.brake_limit, "brake_rate": vehicle.brake_rate}
+    loaded = guard(load_policy(policy, interface), limits, **passes)
     loaded.set_speed = vehicle.set_speed
     return loaded
 
@@ -108,7 +110,8 @@ class Chain:
     """A truck that follows a leader over the bus; `lies` and `forged` are faults of radar and bus.
 
     `policy` is a text as of the start scripts. The truck begins at the speed of the leader or first object,
-    on a slope that is drawn unless `grade` is given by distance.
+    on a slope that is drawn unless `grade` is given by distance. `limits` of the truck: else those stored
+    for its name.
     """
 
     def __init__(
@@ -120,6 +123,7 @@ class Chain:
         grade: Callable[[float], float] | None = None,
         errors: RadarErrors = RADAR,
         truck: Simulator | None = None,
+        limits: Promise | None = None,
     ) -> None:
         objects = tuple(ahead) if isinstance(ahead, Sequence) else (Object(ahead),)
         self.vehicle, self.now, speed = vehicle, 0.0, objects[0].motion.speed_at(0.0)
@@ -132,7 +136,7 @@ class Chain:
         )
         self.lane = Lane(objects)
         self.radar, self.lies = Radar(errors, int(rng.integers(1 << 31))), list[RadarFault]()
-        self.guard = controller(vehicle, policy)
+        self.guard = controller(vehicle, policy, limits)
         self.following = Following(self.guard, TIME_GAP_S, LOST_S)
         self.readings: list[Reading] = []  # of this step
         self.forged: list[Forger] = []

@@ -19,7 +19,7 @@ import math
 import os
 import sys
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -42,20 +42,26 @@ from fault_table import (
 )
 
 from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.truck_limits import STEEPEST, known, measure
+from deeptruck_core.constants import GRAVITY
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.simulators import load as load_truck
 from truck_bridge.emulator.ecus import Actuator
+from truck_bridge.vehicles import Vehicle
 
 ENGAGED_AT, LENGTH, AFTER_S = 0.6, 12.0, 3.0
 KEPT_S = 1.0
 BRAKED = -1.0  # m/s^2 beyond the slope
 MEAN = 31  # steps over which an acceleration counts, 0.3 s
 CLOSING = 0.5  # m/s^2, from which the closing speed asks for braking
+SLOWER_M_S, SLOWER_M_S2 = 2.0, 1.0  # what is slower by so much ahead asks for so much, however far it is
 CAUSE_S = 4.0  # for which a leader that slowed down explains braking
 KNOWN_S = 0.5  # before control is handed back, from which on what happens ahead is not yet the driver's
+TAKES_OVER_S = 10.0  # UN R157, 5.4: in which a driver who is asked takes over
 WORSE = 0.5  # m/s, faster than by full braking, from which a hit is broken
 EARLY = ("second", "ours", "nobody")  # half of them before engaging
-GRAVITY = 9.81
+UNHEARD = ("link lost", "another node uses our address")  # from then on nobody obeys our frames
 
 
 @dataclass(frozen=True)
@@ -95,6 +101,14 @@ def loaded(name: str, load_factor: float) -> Simulator:
 
 
 @cache
+def limits_of(name: str, load_factor: float, grade: float) -> Promise:
+    """As a run knows or measures them, of this load and on these descents."""
+    truck = loaded(name, load_factor)
+    stored = known(truck.interface, truck.parameters(), grade)
+    return stored or measure(truck, worst_grade=min(grade, STEEPEST))
+
+
+@cache
 def _full_braking(truck: Simulator, grade: float) -> float:
     """m/s^2 from 20 m/s, once it has begun."""
     start = np.zeros((1, len(truck.interface.y)))
@@ -117,7 +131,8 @@ class Witness:
         self._speeds, self._leads = deque[float](maxlen=MEAN), deque[tuple[float, float]](maxlen=MEAN)
         self._pulls = deque[float](maxlen=MEAN)
         self._caused_at, self.braked, self.jerk, self.hit = -math.inf, 0.0, 0.0, math.nan
-        self._true = 0
+        self._true, self.known_at = 0, math.inf  # true readings, and when the second of them came
+        self._last: tuple[float, ...] = ()
         self.fully: Stop | None = None
 
     def needs(self, speed: float, leader: float) -> float:
@@ -140,22 +155,224 @@ class Witness:
         moves = (speed - self._speeds[0]) / 0.3 + GRAVITY * max(chain.truck.slope, 0.0) if full else 0.0
         self._pulls.append(moves)
         if judged and full and chain.now - self._caused_at > CAUSE_S:
-            self.braked = min(self.braked, moves)
+            self.braked = min(self.braked, moves + (SLOWER_M_S2 if closing > SLOWER_M_S else 0.0))
             jerk = (moves - self._pulls[0]) / 0.3 if len(self._pulls) == MEAN and speed > 0.5 else 0.0
             self.jerk = max(self.jerk, jerk, -jerk)
         if math.isnan(self.hit) and gap <= 0.0:
             self.hit = speed - leader
         if self.fully is None and chain.now >= self.happens:
-            near = [
-                abs(g - gap) < 5.0 and abs(v - leader) < 1.0 and age < 0.3 for g, v, age in chain.readings
-            ]
-            self._true += any(near)
-            self.fully = chain.braking_fully(self._fails) if self._true == 2 else None
+            new = [one for one in chain.readings if one[:2] != self._last]  # a repeated one shows nothing
+            self._true += any(abs(g - gap) < 5.0 and abs(v - leader) < 1.0 and a < 0.3 for g, v, a in new)
+            if self._true == 2:
+                self.fully, self.known_at = chain.braking_fully(self._fails), chain.now
+        self._last = tuple(chain.readings[-1][:2]) if chain.readings else self._last
 
     def _fails(self, now: float) -> dict[str, float]:
         sound = Actuator(0.0)
         keys = ((d, FAULTS[d.name].kind) for d in self._brakes)
         return {key: d.size if d.at <= now < d.until else getattr(sound, key) for d, key in keys}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is drawn for a run."""
+
+    vehicle: Vehicle
+    traffic: str
+    plan: tuple[Drawn, ...]
+    speed: float  # m/s, at the start
+    happens: float  # s, when something happens ahead
+    early: bool  # the fault is there before control is engaged
+    grade: float
+    load: float  # of the truck's mass
+
+    @property
+    def truck(self) -> Simulator:
+        return loaded(self.vehicle.truck, self.load)
+
+    @property
+    def braking(self) -> float:
+        """m/s^2, by the full command on this road."""
+        truck = self.truck
+        on_road = truck.with_grade_input() if hasattr(truck, "with_grade_input") else truck
+        return _full_braking(on_road, self.grade)
+
+    @property
+    def begins(self) -> float:
+        return min([drawn.at for drawn in self.plan], default=self.happens)
+
+    def __str__(self) -> str:
+        faults = " and ".join(drawn.name for drawn in self.plan) or "nothing"
+        on = f", {100 * self.grade:+.0f} %" * bool(self.grade) + f", {self.load:g} of the mass" * (
+            self.load != 1
+        )
+        return f"{self.vehicle.name}, {self.traffic}, {faults}{on}"
+
+
+def draw_scene(
+    rng: np.random.Generator,
+    vehicle: Vehicle,
+    faults: Sequence[str] = (),
+    traffic: str | None = None,
+    drawn_from: str | None = None,
+) -> Scene:
+    """A scene of these faults and this traffic, of faults of one machine, or of all."""
+    at, grade, heavy = float(rng.uniform(*MOMENTS)), float(rng.choice(GRADES)), float(rng.choice(LOADS))
+    can = [one for one in possible(vehicle) if drawn_from in (None, FAULTS[one].machine)]
+    count = int(rng.choice(3, p=[0.15, 0.6, 0.25]))
+    chosen = [draw(vehicle, rng, [name]) for name in faults]
+    chosen = chosen or [draw(vehicle, rng, can) for _ in range(count)]
+    early = any(FAULTS[n].kind in EARLY or set(FAULTS[n].signals) & set(EARLY) for n, _, _ in chosen)
+    early = early and rng.random() < 0.5
+    ahead, speed = traffic or str(rng.choice(list(TRAFFIC))), float(rng.uniform(10.0, 22.0))
+    happens = max(at + float(rng.uniform(-3.0, 2.0)), 5.5)
+    begun = [0.3 if early else at + 1.5 * k for k in range(len(chosen))]
+    ended = [math.inf if early else at + 1.5 * k + lasts for k, (_, _, lasts) in enumerate(chosen)]
+    plan = [Drawn(n, size, begun[k], ended[k]) for k, (n, size, _) in enumerate(chosen)]
+    return Scene(vehicle, ahead, tuple(plan), speed, happens, early, grade, heavy)
+
+
+class Run:
+    """A scene in lock-step, what became of it, and what of that must not be."""
+
+    def __init__(self, scene: Scene, rng: np.random.Generator, policy: str) -> None:
+        self.scene = scene
+        objects = TRAFFIC[scene.traffic](rng, scene.speed, scene.happens)
+        limits = limits_of(scene.vehicle.truck, scene.load, scene.grade)
+        road, truck = (lambda distance: scene.grade), scene.truck
+        self.chain = Chain(scene.vehicle, rng, objects, policy, road, truck=truck, limits=limits)
+        from_when = scene.begins if scene.traffic in HARMLESS else scene.happens
+        self.witness = Witness(self.chain, scene.braking, from_when, scene.plan)
+        first = objects[0]  # at what the truck drives with on such a road
+        shield = self.chain.guard.shield
+        assert shield is not None
+        room = max(TIME_GAP_S * scene.speed, float(shield.steady_gap(np.array([scene.speed]))[0]) + 5.0)
+        followed = Object(first.motion, room, first.comes, first.leaves)
+        self.chain.lane.objects = (followed, *objects[1:])
+        self.engaged, self.why = False, ("not asked",)
+        self.ended, self.reason, self.stood = math.nan, "", False
+        self.start, self.gained = scene.speed, 0.0
+        self.false_since, self.false_s = math.nan, 0.0
+        self._undo: dict[Drawn, Callable[[], None] | None] = {}
+        self._lied = frozenset(s for d in scene.plan for s in _told(scene.vehicle, d))
+
+    def to_the_end(self, length: float) -> Run:
+        """Drive until it is over."""
+        scene, chain = self.scene, self.chain
+        by_person = any(FAULTS[d.name].machine in ("driver", "person") for d in scene.plan)
+        end = max(scene.begins, scene.happens if scene.traffic != "steady" else 0.0) + length
+        while chain.now < end and not self._is_over():
+            chain.step()
+            self._let_faults_act()
+            if not self.engaged and chain.now >= ENGAGED_AT:
+                self.why = chain.engage()
+                self.engaged = not self.why
+                if self.why and chain.now > ENGAGED_AT + 0.6:
+                    break
+            self._note()
+            if not scene.early:
+                handed_back = chain.now > self.ended + AFTER_S
+                self.witness.look(judged=chain.now > 2.0 and not by_person and not handed_back)
+        chain.close()
+        if math.isnan(self.ended):
+            self.gained = chain.truck.speed - self.start
+        return self
+
+    def _is_over(self) -> bool:
+        # what happens ahead after the hand-back is the driver's
+        rolls_out = self.scene.traffic in HARMLESS or self.ended < self.witness.happens + KNOWN_S
+        stands = self.chain.truck.speed < 0.1
+        since = self.chain.now - self.ended
+        over = (since > AFTER_S and (stands or rolls_out)) or since > TAKES_OVER_S
+        return over or not math.isnan(self.witness.hit)
+
+    def _let_faults_act(self) -> None:
+        chain = self.chain
+        for d in self.scene.plan:
+            if d not in self._undo and chain.now >= d.at:
+                self.start = self.start if self._undo else chain.truck.speed
+                self._undo[d] = begin(chain, d.name, d.size)
+            if (undo := self._undo.get(d)) and chain.now >= d.until:
+                undo()
+                self._undo[d] = None
+            if FAULTS[d.name].machine == "driver" and chain.now >= d.at + 0.5:
+                chain.truck.driver.brake_pedal = d.size
+
+    def _note(self) -> None:
+        """When and why control ends, and for how long it is kept on a false speed."""
+        chain, holds = self.chain, self.chain.state == "engaged"
+        if self.engaged and not holds and math.isnan(self.ended):
+            self.ended, self.gained = chain.now, chain.truck.speed - self.start
+            self.stood = chain.truck.speed < 0.1  # it may be handed back to a driver who is to drive off
+            self.reason = chain.following.why or chain.bridge.safety.reason
+        if not (holds and self._undo and chain.contradicted(self._lied)):
+            self.false_since = math.nan
+            return
+        self.false_since = chain.now if math.isnan(self.false_since) else self.false_since
+        self.false_s = max(self.false_s, chain.now - self.false_since)
+
+    def verdict(self) -> Verdict:
+        """What is broken of it."""
+        scene, witness = self.scene, self.witness
+        broken = self._control() + ([] if scene.early else self._frames())
+        hit, braked, unseen = self._hit(), witness.braked < BRAKED, list[str]()
+        if hit:
+            (unseen if hit == "not prevented" else broken).append("hit")
+        if braked:
+            known = self._known and scene.traffic != "adjacent lane" and not self._brakes_by_itself
+            (broken if known else unseen).append("braked without cause")
+        fully = math.nan if witness.fully is None else witness.fully.hit_speed
+        ended = scene.begins if scene.early else self.ended
+        return Verdict(
+            str(scene), scene.traffic, scene.plan, ended - scene.begins, self.false_s, self.gained,
+            witness.braked, witness.jerk, witness.hit, fully, tuple(broken), tuple(unseen),
+            self.reason if self.engaged else f"refused: {', '.join(self.why)}",
+        )  # fmt: skip
+
+    @property
+    def _known(self) -> bool:
+        """A receiver can know of every fault."""
+        return not {d.name for d in self.scene.plan} & UNSEEN.keys()
+
+    @property
+    def _brakes_by_itself(self) -> bool:
+        """A brake that drags, or is stuck."""
+        return any(d.name in ("brake drags", "brake stuck") for d in self.scene.plan)
+
+    def _frames(self) -> list[str]:
+        return frames(self.chain, {d.name for d in self.scene.plan}, self.scene.begins)
+
+    def _control(self) -> list[str]:
+        """What is wrong with when control was given, kept and handed back."""
+        scene, kept, broken = self.scene, math.isnan(self.ended), list[str]()
+        if self.false_s > KEPT_S:
+            broken.append("control was kept on a false speed")
+        if scene.early:
+            return broken + ["engaged"] * self.engaged
+        too_near = "too near" in ", ".join(self.why)
+        if not self.engaged and scene.braking > 2.5 and not too_near:
+            broken.append("did not engage")
+        lasting = ((d.name, d.size, d.until - d.at) for d in scene.plan)
+        must = any(must_end(*d, scene.vehicle) for d in lasting)
+        if self.engaged and kept and must and math.isnan(self.witness.hit):
+            broken.append("control was kept")
+        bridge = scene.traffic != "leader pulls away"
+        bridge &= all(must_bridge(d.name, d.until - d.at) for d in scene.plan)
+        if self.ended < scene.begins or (not kept and bridge and not self.stood):
+            broken.append("handed back")
+        return broken
+
+    def _hit(self) -> str:
+        """Whether it hit something harder than by full braking, or only what nobody could prevent."""
+        scene, witness = self.scene, self.witness
+        harmless, fully = scene.traffic in HARMLESS, witness.fully
+        if math.isnan(witness.hit) or (fully is not None and witness.hit <= fully.hit_speed + WORSE):
+            return ""
+        if self.ended < witness.happens + (0.0 if harmless else KNOWN_S) or self.reason.startswith("driver"):
+            return ""  # the driver had it
+        blind = self.ended < witness.known_at and not (harmless and self._known)
+        blind |= fully is None and not (harmless and self._known)
+        return "not prevented" if blind or self.reason in UNHEARD else "hit"
 
 
 def play(
@@ -169,109 +386,16 @@ def play(
 ) -> Verdict:
     """One run in lock-step, of these faults and this traffic, of faults of one machine, or of all."""
     rng = np.random.default_rng(seed)
-    vehicle = load(names[seed % len(names)])
-    at, grade, heavy = float(rng.uniform(*MOMENTS)), float(rng.choice(GRADES)), float(rng.choice(LOADS))
-    can = [one for one in possible(vehicle) if drawn_from in (None, FAULTS[one].machine)]
-    count = int(rng.choice(3, p=[0.15, 0.6, 0.25]))
-    chosen = [draw(vehicle, rng, [name]) for name in faults] or [
-        draw(vehicle, rng, can) for _ in range(count)
-    ]
-    early = any(FAULTS[n].kind in EARLY or set(FAULTS[n].signals) & set(EARLY) for n, _, _ in chosen)
-    early = early and rng.random() < 0.5
-    ahead, speed = traffic or str(rng.choice(list(TRAFFIC))), float(rng.uniform(10.0, 22.0))
-    happens = max(at + float(rng.uniform(-3.0, 2.0)), 5.5)
-    plan = [Drawn(n, size, at + 1.5 * k, at + 1.5 * k + lasts) for k, (n, size, lasts) in enumerate(chosen)]
-    plan = [Drawn(d.name, d.size, 0.3, math.inf) for d in plan] if early else plan
-    truck = loaded(vehicle.truck, heavy)
-    braking = _full_braking(truck.with_grade_input() if hasattr(truck, "with_grade_input") else truck, grade)
-    objects = TRAFFIC[ahead](rng, speed, happens)
-    chain = Chain(vehicle, rng, objects, policy, lambda distance: grade, truck=truck)
-    witness = Witness(chain, braking, at if ahead in HARMLESS else happens, plan)
-    first = objects[0]
-    room = max(TIME_GAP_S * speed, witness.needs(speed, speed) + 15.0)  # what it drives with on such a road
-    chain.lane.objects = (Object(first.motion, room, first.comes, first.leaves), *objects[1:])
-    for one in objects[1:]:
-        assert one.gap > 0
-    scene = f"{vehicle.name}, {ahead}, {' and '.join(d.name for d in plan) or 'nothing'}"
-    scene += f", {100 * grade:+.0f} %" * bool(grade) + f", {heavy:g} of the mass" * (heavy != 1.0)
-    begins = min([d.at for d in plan], default=happens)
-    ended, false_since, longest, why, reason = math.nan, math.nan, 0.0, ("not asked",), ""
-    stood = False  # it may be handed back to a driver who is to drive off
-    engaged, start, gained, undo = False, speed, 0.0, dict[Drawn, object]()
-    lied = frozenset(
-        s for d in plan if FAULTS[d.name].machine in ("bus", "driver") for s in _told(vehicle, d)
-    )
-    brakes = any(FAULTS[d.name].machine in ("driver", "person") for d in plan)
-    end = max(begins, happens if ahead != "steady" else 0.0) + length
-    while chain.now < end:
-        chain.step()
-        for d in plan:
-            if d not in undo and chain.now >= d.at:
-                undo[d], start = begin(chain, d.name, d.size), chain.truck.speed if not undo else start
-            if undo.get(d) and chain.now >= d.until:
-                undo[d]()  # type: ignore[operator]
-                undo[d] = None
-            if FAULTS[d.name].machine == "driver" and chain.now >= d.at + 0.5:
-                chain.truck.driver.brake_pedal = d.size
-        if not engaged and chain.now >= ENGAGED_AT:
-            why = chain.engage()
-            engaged = not why
-            if why and chain.now > ENGAGED_AT + 0.6:
-                break
-        holds = chain.state == "engaged"
-        if engaged and not holds and math.isnan(ended):
-            ended, gained, stood = chain.now, chain.truck.speed - start, chain.truck.speed < 0.1
-            reason = chain.following.why or chain.bridge.safety.reason
-        false = holds and bool(undo) and chain.contradicted(lied)
-        false_since = (chain.now if math.isnan(false_since) else false_since) if false else math.nan
-        longest = max(longest, 0.0 if math.isnan(false_since) else chain.now - false_since)
-        if not early:
-            witness.look(judged=chain.now > 2.0 and not brakes and not chain.now > ended + AFTER_S)
-        # what happens ahead after the hand-back is the driver's
-        rolls_out = ahead in HARMLESS or ended < witness.happens + KNOWN_S
-        over = chain.now > ended + AFTER_S and (chain.truck.speed < 0.1 or rolls_out)
-        if over or not math.isnan(witness.hit):
-            break
-    chain.close()
-    broken = [] if early else frames(chain, {d.name for d in plan}, begins)
-    gained = chain.truck.speed - start if math.isnan(ended) else gained
-    reason = reason if engaged else f"refused: {', '.join(why)}"
-    names_of = [d.name for d in plan]
-    must = any(must_end(d.name, d.size, d.until - d.at, vehicle) for d in plan)
-    bridge = ahead != "leader pulls away" and all(must_bridge(d.name, d.until - d.at) for d in plan)
-    unseen = []
-    if early and engaged:
-        broken.append("engaged")
-    if not early and not engaged and braking > 2.5 and "too near" not in reason:
-        broken.append("did not engage")
-    if not early and engaged and math.isnan(ended) and must and math.isnan(witness.hit):
-        broken.append("control was kept")
-    if not early and (ended < begins or (not math.isnan(ended) and bridge and not stood)):
-        broken.append("handed back")
-    if longest > KEPT_S:
-        broken.append("control was kept on a false speed")
-    known = not set(names_of) & UNSEEN.keys()
-    fully = math.nan if witness.fully is None else witness.fully.hit_speed
-    blind = witness.fully is None and (ahead not in HARMLESS or not known)
-    drives = ended < witness.happens + (0.0 if ahead in HARMLESS else KNOWN_S) or reason.startswith(
-        "driver"
-    )  # the driver, who has taken over
-    if not math.isnan(witness.hit) and not drives and not witness.hit <= fully + WORSE:
-        (unseen if blind else broken).append("hit")
-    if witness.braked < BRAKED:
-        (broken if known and ahead != "adjacent lane" else unseen).append("braked without cause")
-    ended = begins if early else ended
-    return Verdict(
-        scene, ahead, tuple(plan), ended - begins, longest, gained, witness.braked, witness.jerk,
-        witness.hit, fully, tuple(broken), tuple(unseen), reason,
-    )  # fmt: skip
+    scene = draw_scene(rng, load(names[seed % len(names)]), faults, traffic, drawn_from)
+    return Run(scene, rng, policy).to_the_end(length).verdict()
 
 
-def _told(vehicle: object, drawn: Drawn) -> tuple[str, ...]:
-    signals = FAULTS[drawn.name].signals
-    if signals != ("all",):
-        return signals
-    return tuple(s.name for heard in vehicle.table.heard for s in heard.signals)  # type: ignore[attr-defined]
+def _told(vehicle: Vehicle, drawn: Drawn) -> tuple[str, ...]:
+    """Signals of the truck that a fault lies about."""
+    machine, _, signals, _ = FAULTS[drawn.name]
+    if machine not in ("bus", "driver"):
+        return ()
+    return signals if signals != ("all",) else tuple(s.name for h in vehicle.table.heard for s in h.signals)
 
 
 def _row(name: str, mine: list[Verdict]) -> str:

@@ -20,7 +20,7 @@ class Brakes:
     The least command of the response time and the `rate_s` after it, by the least that the promise says of
     it, is held against the deceleration of those `rate_s`. The slope counts
     in their favour by its error, or by the steepest that is meant where it is not known. Where they give
-    less than `fails_below`, for `lasts_s`, they have failed.
+    less than `fails_below` for `lasts_s` without a break, they have failed.
     """
 
     promise: Promise
@@ -90,5 +90,5 @@ class Brakes:
         self.gain = np.where(
             judged, self.gain + np.minimum(p.dt / time, 1.0) * (ratio - self.gain), self.gain
         )
-        low = self.gain < self.fails_below
-        self.failed_s = np.where(judged & low, self.failed_s + p.dt, np.where(low, self.failed_s, 0.0))
+        low = np.where(ratio < self.fails_below, self.failed_s + p.dt, 0.0)
+        self.failed_s = np.where(judged, low, self.failed_s)

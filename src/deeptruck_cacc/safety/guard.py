@@ -193,8 +193,10 @@ class Guard:
         """
         raw = self._arrays(observation)
         seen, unknown = self._filled(raw)
+        # A truck without a grade sensor has no slope, whatever stands in its place for the policy.
+        grade = raw["grade"] if "grade" in raw and self.interface.grade else np.full(len(unknown), np.nan)
         if self.shield is not None:
-            track, grade = self._tracker, raw.get("grade", np.full(len(unknown), np.nan))
+            track = self._tracker
             speed = np.maximum(self._last_seen.speed, self._last_seen.speed * (1.0 - track.own_speed_factor))
             self.shield.see(*track.readings, speed, grade, track.counts, track.came_from)
         # Near standstill a time gap is no distance: the truck then aims for `standstill_m`.
@@ -212,7 +214,7 @@ class Guard:
             self.acted = np.zeros(len(engine), bool)
             return engine, brake
         engine, brake = self.shield.gentle(engine, brake)
-        engine, brake = self.shield.limit(engine, brake, seen.get("grade", np.nan))
+        engine, brake = self.shield.limit(engine, brake, grade)
         self.acted = self.shield.acted
         return engine, brake
 
@@ -254,17 +256,25 @@ class Guard:
 
 
 def guard(
-    policy: Policy, promise: Promise | None = None, *, shield: bool = True, brake_limit: float = math.inf
+    policy: Policy,
+    promise: Promise | None = None,
+    *,
+    shield: bool = True,
+    brake_limit: float = math.inf,
+    brake_rate: float = math.inf,
 ) -> Guard:
     """A policy with tracker, hand-over and, unless `shield` is False, shield.
 
     The promise is the given one, else the one stored for a truck of this name, else the cautious default. Of
-    a brake command no more than `brake_limit`, in its unit, reaches the brakes.
+    a brake command no more than `brake_limit`, in its unit, reaches the brakes, and rises by `brake_rate` a
+    second there: a ramp is a delay by half of it.
     """
     learned = policy if isinstance(policy, MlpPolicy | OnnxPolicy) else None
     scale = learned.scale if learned else ActionScale.of(policy)
     promise = promise or known(policy.interface) or Promise()
-    promise = replace(promise, dt=policy.dt, limit_share=min(brake_limit / scale.brake_high, 1.0))
+    limit = min(brake_limit, scale.brake_high)
+    response_s = promise.response_s + 0.5 * limit / brake_rate
+    promise = replace(promise, dt=policy.dt, limit_share=limit / scale.brake_high, response_s=response_s)
     stands = shield and policy.interface.brake_unit is not None
     return Guard(
         policy,
@@ -282,11 +292,14 @@ def load_controller(
     limits_of: str = "",
     limits_grade: float = STEEPEST,
     brake_limit: float = math.inf,
+    brake_rate: float = math.inf,
 ) -> Guard:
     """The controller for a node: load_policy with a guard, whose promise is measured on the simulator
-    `limits_of` if there is one, on descents to `limits_grade`, and holds for brakes to `brake_limit`.
+    `limits_of` if there is one, on descents to `limits_grade`, and holds for a bridge that lets pass
+    `brake_limit` and `brake_rate`.
 
     Raises InputError if that cannot be loaded or does not brake.
     """
     promise = measure(simulators.load(limits_of), worst_grade=limits_grade) if limits_of and shield else None
-    return guard(load_policy(path, interface), promise, shield=shield, brake_limit=brake_limit)
+    policy = load_policy(path, interface)
+    return guard(policy, promise, shield=shield, brake_limit=brake_limit, brake_rate=brake_rate)

@@ -190,7 +190,7 @@ class Safety:
         if self.state is not State.ENGAGED:
             return
         self._lose(reason)
-        if self._hold.begin(self._on_the_wire, self._demands, self._goes_on):
+        if self._hold.begin(self._on_the_wire, self._demands, asked=self._goes_on):
             self._go_on_braking(now)
         else:
             self.state, self._faded_at = State.FADING, now

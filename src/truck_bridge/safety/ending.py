@@ -18,13 +18,13 @@ class BrakeHold:
         self._beyond = beyond
         self.demands: dict[str, float] = {}  # held; empty before the first time
 
-    def begin(self, *demands: Mapping[str, float]) -> bool:
-        """Whether any demand is beyond its axis's: then each axis holds the strongest of its own."""
-        strongest = {
-            axis: max((given.get(axis, 0.0) for given in demands), key=abs, default=0.0)
-            for axis in self._beyond
-        }
+    def begin(self, *demands: Mapping[str, float], asked: Mapping[str, float] | None = None) -> bool:
+        """Whether any demand is beyond its axis's, or `asked` for: then each axis holds the strongest of its
+        own."""
+        every = (*demands, asked or {})
+        strongest = {axis: max((given.get(axis, 0.0) for given in every), key=abs) for axis in self._beyond}
         begins = any(strongest[axis] / beyond > 1.0 for axis, beyond in self._beyond.items())
+        begins = begins or any((asked or {}).values())
         if begins:
             self.demands = strongest
         return begins

@@ -103,6 +103,11 @@ class Vehicle:
         most = (max(abs(low), abs(high)) for low, high in zip(limits.low, limits.high, strict=True))
         return min(most)
 
+    @property
+    def brake_rate(self) -> float:
+        """How fast the brake command that leaves may rise, interface unit/s."""
+        return self.transmitted["brake"].axis.limits.rate
+
     def commands(self, demands: dict[str, float]) -> tuple[float, float]:
         """Inverse of `demands`: engine and brake command in the truck's interface."""
         engine = demands["engine"] + demands.get("retarder", 0.0) / self._retarder_gain

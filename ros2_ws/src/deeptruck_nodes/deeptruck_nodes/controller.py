@@ -18,6 +18,8 @@ from deeptruck_nodes.node import IDLE, DeeptruckNode, run, say
 from deeptruck_nodes.observation import Alignment, Observation
 from deeptruck_nodes.topics import COMMAND, ENGAGED, RADAR_RANGE, RADAR_TWIST, ROAD, ROAD_AHEAD, TWIST
 
+OPTIONS = ("shield", "limits_of", "limits_grade", "brake_limit", "brake_rate")  # of the guard
+
 
 class Controller(DeeptruckNode):
     """The policy acts every `dt` of stamp time and its command is repeated in between; with stale inputs
@@ -33,7 +35,7 @@ class Controller(DeeptruckNode):
     def __init__(self) -> None:
         super().__init__("controller")
         interface = TruckInterface.from_dict(json.loads(self.p["interface"])) if self.p["interface"] else None
-        options = {name: self.p[name] for name in ("shield", "limits_of", "limits_grade", "brake_limit")}
+        options = {name: self.p[name] for name in OPTIONS}
         guard = load_controller(self.p["policy"], interface, **options)
         guard.set_speed = self.p["set_speed"]
         self._following = Following(guard, self.p["target_time_gap"], self.p["lose_lead_after_s"])

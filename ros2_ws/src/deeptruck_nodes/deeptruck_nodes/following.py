@@ -11,11 +11,13 @@ import numpy as np
 
 from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.safety.guard import Guard
+from deeptruck_core.constants import GRAVITY
 from deeptruck_nodes.observation import SECOND, Observation
 
 EVENTS = ("drop_outs", "shield_interventions", "full_brakings")
 HOLE_S = 0.5  # between two observations, beyond which the past is forgotten; at least three steps
 CONTRADICTED_S = 1.0  # for which a radar may contradict itself, or the truck's speed
+LEAST_M_S2 = 0.2  # needed braking that noise of the readings may look like
 HARDER = 1.2  # than is needed, as no command follows
 FULL = 0.95  # of the highest brake command: full braking
 
@@ -128,9 +130,11 @@ class Following:
     def _held_brake(self) -> float:
         """The brake command that stops behind what was seen last; NaN where rolling out does not hit it."""
         shield, needs = self._guard.shield, float(self._guard.needed_braking[0])
-        if shield is None or not needs > shield.promise.mild_braking:
+        if shield is None:
             return math.nan
-        p = shield.promise
+        p, slope = shield.promise, self._acted.grade if self._acted else 0.0
+        if not needs > max(p.mild_braking + GRAVITY * slope, LEAST_M_S2):
+            return math.nan
         share = max(needs / p.braking, float(p.share_of(p.yielding))) * HARDER
         return min(share, p.limit_share) * self._brake_high
 

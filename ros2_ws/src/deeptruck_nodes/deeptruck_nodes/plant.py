@@ -65,9 +65,8 @@ class Plant:
         if valid and not (self.stopping and before > STANDS_M_S):
             self._held, self._left, self.stopping = given, 1.0, False
         else:
-            self.stopping = self.stopping or self._hold.begin(
-                *({"brake": b} for b in (self._held[1], hold_brake) if b > 0.0)
-            )
+            asked = {"brake": hold_brake} if math.isfinite(hold_brake) else {}
+            self.stopping = self.stopping or self._hold.begin({"brake": self._held[1]}, asked=asked)
             self._left = max(self._left - self.dt / FADE_S, 0.0)
         brake = self._hold.rise("brake", brake_command) if self.stopping else self._left * self._held[1]
         u = np.array([(self._left * self._held[0], brake)[: len(self.interface.u)]])

@@ -109,7 +109,8 @@ def drive_vehicle(
     # the simulator in a vehicle's file is what the emulator drives, not the truck on a real bus
     slope = misfits.of(lambda: road(grade)) or (lambda distance: 0.0)
     limits = _limits(interface, str(vehicle.truck), _steepest(slope)) if vehicle and emulate else {}
-    own = {"set_speed": vehicle.set_speed, "brake_limit": vehicle.brake_limit} if vehicle else {}
+    names = ("set_speed", "brake_limit", "brake_rate") if vehicle else ()
+    own = {name: getattr(vehicle, name) for name in names}
     sections |= {"controller": {**_controller(policy, interface), **limits, **own}, "can_bridge": {}}
     sections = _merged(sections, given, common, misfits)
     if "mismatch_monitor" in sections:
