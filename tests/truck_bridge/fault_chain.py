@@ -237,18 +237,20 @@ class Chain:
             )
 
     def braking_fully(self, fails: Callable[[float], dict[str, float]] | None = None) -> Stop:
-        """What the truck as it is now reaches by its full brake command alone, within 30 s.
+        """What the truck as it is now reaches by the brake that the bridge lets pass, within 30 s.
 
         `fails`: fields of the brake's `Actuator` at a time, s, where they change after now.
         """
         truck, (lane, actuators), now = self.truck, deepcopy((self.lane, self.truck.actuators)), self.now
+        limits = self.vehicle.transmitted["brake"].axis.limits
         state, speed, distance, least = truck._state, truck.speed, truck.distance, lane.ahead[0]
         while now < self.now + 30.0:
             now += truck._truck.dt
             for key, value in (fails(now) if fails else {}).items():
                 setattr(actuators["brake"], key, value)
             for axis, actuator in actuators.items():
-                actuator.act(actuator.full if axis == "brake" and not actuator.lost else 0.0, now)
+                full = float(np.interp(speed, limits.speed, limits.low if actuator.full < 0 else limits.high))
+                actuator.act(full if axis == "brake" and not actuator.lost else 0.0, now)
             command = self.vehicle.commands({axis: actuator.given for axis, actuator in actuators.items()})
             w = np.array([[truck._grade(distance)][: len(truck._truck.interface.w)]])
             state, y = truck._truck.step(state, np.array([[*command][: len(truck._truck.interface.u)]]), w)
