@@ -27,9 +27,7 @@ def tables() -> dict[tuple[str, str], str]:
     fuel = columns["properties"]["channels"]["properties"]["fuel_rate"]  # its entry has every key but `part`
     both = fuel["properties"] | topics["properties"]["engine_command"]["properties"]
     return {
-        ("topics.md", "topics"): table(
-            "topic | type | rate | who | content", map(topic_row, TOPICS.values())
-        ),
+        ("topics.md", "topics"): table("topic | type | rate | content", map(topic_row, TOPICS.values())),
         ("parameters.md", "parameters"): "\n\n".join(map(node_section, parameters.schema())),
         ("columns.md", "keys"): table("key | means", described(columns["properties"])),
         ("columns.md", "entries"): table("key | means", described(both)),
@@ -54,11 +52,10 @@ def table(heads: str, rows: Iterable[str]) -> str:
 
 
 def topic_row(topic: Topic) -> str:
-    """A topic, who publishes it, and who subscribes to it."""
-    names = ", ".join(topic.fields)
+    """A topic; who publishes and receives it is said with the nodes."""
+    names = "" if callable(topic.named) else ", ".join(topic.named)
     content = f"{topic.content}: {names}" if names else topic.content
-    who = f"{', '.join(topic.publishers)} -> {', '.join(topic.subscribers) or 'whoever asks'}"
-    return f"`{topic.name}` | {topic.type_name} | {topic.rate} | {who} | {content}"
+    return f"`{topic.name}` | {topic.type_name} | {topic.rate} | {content}"
 
 
 def node_section(node: str) -> str:
