@@ -330,6 +330,14 @@ def test_the_readme_begins_with_two_commands() -> None:
         assert re.search(rf"^    make {target}\b", head, re.M) and re.search(rf"^{target}:", targets, re.M)
 
 
+def test_the_readme_says_how_often_the_tool_is_right_as_its_page_does() -> None:
+    page, readme = (DOCS / "results" / "mismatch.md").read_text(), (ROOT / "README.md").read_text()
+    row = re.search(r"^\| attainable.* \| (\d+ of \d+); (\d+ of \d+) \|$", page, re.M)
+    assert row and f"named {row[1]} first and had {row[2]} in the set" in readme
+    worse = re.search(r"^\| offered, and worse .* \| (\d+) of \d+ \|$", page, re.M)
+    assert worse and (worse[1] == "0") == ("Nothing that it offered was worse" in readme)
+
+
 def test_the_index_lists_every_command(programs: dict[str, typer.Typer]) -> None:
     """In the rows of its table that begin with the program."""
     rows = re.findall(r"^\| (`.*?) \|", (DOCS / "README.md").read_text(), re.M)
