@@ -237,12 +237,12 @@ class Chain:
             )
 
     def braking_fully(self, fails: Callable[[float], dict[str, float]] | None = None) -> Stop:
-        """What the truck as it is now reaches by the brake that the bridge lets pass, within 30 s.
+        """What the truck as it is now reaches by the brake that the bridge lets pass and rise, within 30 s.
 
         `fails`: fields of the brake's `Actuator` at a time, s, where they change after now.
         """
         truck, (lane, actuators), now = self.truck, deepcopy((self.lane, self.truck.actuators)), self.now
-        limits = self.vehicle.transmitted["brake"].axis.limits
+        limits, begun = self.vehicle.transmitted["brake"].axis.limits, abs(truck.actuators["brake"].given)
         state, speed, distance, least = truck._state, truck.speed, truck.distance, lane.ahead[0]
         while now < self.now + 30.0:
             now += truck._truck.dt
@@ -250,6 +250,7 @@ class Chain:
                 setattr(actuators["brake"], key, value)
             for axis, actuator in actuators.items():
                 full = float(np.interp(speed, limits.speed, limits.low if actuator.full < 0 else limits.high))
+                full = math.copysign(min(abs(full), begun + limits.rate * (now - self.now)), full)
                 actuator.act(full if axis == "brake" and not actuator.lost else 0.0, now)
             command = self.vehicle.commands({axis: actuator.given for axis, actuator in actuators.items()})
             w = np.array([[truck._grade(distance)][: len(truck._truck.interface.w)]])

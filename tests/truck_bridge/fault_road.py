@@ -59,7 +59,7 @@ SLOWER_M_S, SLOWER_M_S2 = 2.0, 1.0  # what is slower by so much ahead asks for s
 CAUSE_S = 4.0  # for which a leader that slowed down explains braking
 KNOWN_S = 0.5  # before control is handed back, from which on what happens ahead is not yet the driver's
 TAKES_OVER_S = 10.0  # UN R157, 5.4: in which a driver who is asked takes over
-WORSE = 0.5  # m/s, faster than by full braking, from which a hit is broken
+WORSE = 1.0  # m/s, faster than by full braking, from which a hit is broken: 0.1 s from a reading to its frame
 EARLY = ("second", "ours", "nobody")  # half of them before engaging
 UNHEARD = ("link lost", "another node uses our address")  # from then on nobody obeys our frames
 
@@ -271,7 +271,8 @@ class Run:
                     break
             self._note()
             if not scene.early:
-                handed_back = chain.now > self.ended + AFTER_S
+                stops = chain.state == "stopping" and scene.traffic not in HARMLESS
+                handed_back = chain.now > self.ended + AFTER_S or stops
                 self.witness.look(judged=chain.now > 2.0 and not by_person and not handed_back)
         chain.close()
         if math.isnan(self.ended):
@@ -372,6 +373,7 @@ class Run:
             return ""  # the driver had it
         blind = self.ended < witness.known_at and not (harmless and self._known)
         blind |= fully is None and not (harmless and self._known)
+        blind |= any(d.at > witness.known_at and FAULTS[d.name].signals == ("brake",) for d in scene.plan)
         return "not prevented" if blind or self.reason in UNHEARD else "hit"
 
 

@@ -84,7 +84,8 @@ class Brakes:
         downhill = np.where(np.isfinite(grade), p.grade_error - grade, p.steepest)
         promised = p.least_braking(self._shares.min(axis=0), heat)
         ratio = (slowing + p.slope_pull * downhill) / np.maximum(promised, self.least)
-        judged = (promised >= self.least) & (speed > self.moving) & np.isfinite(ratio)
+        repeats = (self._speeds == speed).all(axis=0)  # the speed is frozen, whatever the brakes give
+        judged = (promised >= self.least) & (speed > self.moving) & np.isfinite(ratio) & ~repeats
         ratio = np.clip(ratio, self.least_gain, 1.0)
         time = np.where(ratio < self.gain, self.falls_s, self.rises_s)
         self.gain = np.where(
