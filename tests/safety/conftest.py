@@ -53,6 +53,7 @@ class Bench:
     counters: dict[str, int] = field(default_factory=dict)
     due: dict[str, float] = field(default_factory=dict)
     demands: dict[str, float] = field(default_factory=dict)
+    goes_on: dict[str, float] = field(default_factory=dict)  # demands to go on with if control is lost
     engaged_bit: bool | None = None  # None: what the core says
     commanding: bool = True
     left: list[tuple[float, str, float]] = field(default_factory=list)  # time, axis, demand (NaN: released)
@@ -122,7 +123,7 @@ class Bench:
     def command(self) -> bool:
         demands = {axis.name: self.demands.get(axis.name, axis.rest) for axis in self.table.axes}
         bit = self.safety.controls_allowed if self.engaged_bit is None else self.engaged_bit
-        return self.safety.command(demands, bit, self.now)
+        return self.safety.command(demands, bit, self.now, goes_on=self.goes_on)
 
     def wait(self, seconds: float) -> None:
         """Let time pass: truck and controller send, the bridge does not."""

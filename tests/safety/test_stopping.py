@@ -79,6 +79,31 @@ def test_whatever_is_lost_the_brake_never_falls_to_a_standstill_and_there(bench,
     assert bench.safety.losses == {cause: 1}
 
 
+@pytest.mark.parametrize("later", [False, True])
+def test_what_the_controller_asked_for_before_it_was_lost_goes_on(bench, later):
+    """However little; also where it asks for it while demands fade."""
+    axis, engaged = bench.axis("brake"), bench.engage(engine=20.0).run(1.0)
+    asked = {"brake": 0.7 * axis.holds_beyond, "engine": 50.0}
+    engaged.goes_on = {} if later else asked
+    engaged.command()
+    engaged.safety.fade(engaged.now, "test")
+    assert engaged.safety.state is (State.FADING if later else State.STOPPING)
+    engaged.goes_on = asked
+    engaged.run(0.1)
+    engaged.commanding = False
+    engaged.run(2.0)
+    assert engaged.safety.state is State.STOPPING
+    assert engaged.demand("brake") == pytest.approx(asked["brake"], rel=0.02)
+    assert engaged.demand("engine") == 0.0
+    outside = 2.0 * max(map(abs, (*axis.limits.low, *axis.limits.high)))
+    for useless in (-asked["brake"], math.copysign(outside, asked["brake"]), math.nan, 0.0):
+        rolling = bench.that_may_jump()
+        rolling.goes_on = {"brake": useless}
+        rolling.engage(engine=20.0).run(1.0)
+        rolling.safety.fade(rolling.now, "test")
+        assert rolling.safety.state is State.FADING
+
+
 @pytest.mark.parametrize(("bits", "state"), [(0, State.FADING), (1, State.STOPPING)])
 def test_only_braking_beyond_the_stated_demand_goes_on(bench, bits, state):
     axis = bench.axis("brake")

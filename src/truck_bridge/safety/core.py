@@ -254,7 +254,8 @@ class Safety:
             self._stand(now)
         if self.state is State.STOPPING and self._is_blind(now):
             self.state, self._faded_at = State.FADING, now
-        if self.state is State.FADING and not self._is_blind(now) and self._hold.begin(self._fresh(now)):
+        alive = self.state is State.FADING and not self._is_blind(now) and self._fresh(now)
+        if alive and self._hold.begin(alive, asked=self._goes_on):
             self._go_on_braking(now)
         if self.state is State.FADING:
             resting = all(motion.at_rest for motion in self._motions.values())
