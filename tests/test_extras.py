@@ -58,7 +58,7 @@ def slim(
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    drive = driving_cycles.drive(trucks.load("trucksim"), seconds=120.0, seed=1)
+    drive = driving_cycles.drive(trucks.load("trucksim"), seconds=60.0, seed=1)
     path = tmp_path_factory.mktemp("slim") / "bag"
     recordings.write_bag(path, [drive], interface=drive.interface)
     return path

@@ -124,11 +124,7 @@ def main(
         other_truck(draft, mismatch_s)
 
 
-def _guarded() -> None:
+if __name__ == "__main__":
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command()(main)
     console.run(app, "drives")
-
-
-if __name__ == "__main__":
-    _guarded()

@@ -30,11 +30,7 @@ def main(
             print(f"{name}: {sum(len(r) * r.dt for r in part) / 60:.0f} min in {len(part)} pieces")
 
 
-def _guarded() -> None:
+if __name__ == "__main__":
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command()(main)
     console.run(app, "real")
-
-
-if __name__ == "__main__":
-    _guarded()

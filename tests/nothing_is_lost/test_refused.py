@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
+from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -89,13 +91,15 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("line", FOLDERS)
 @pytest.mark.parametrize("more", ["", " --overwrite"])
-def test_a_folder_with_a_foreign_file_is_refused(
+def test_a_folder_with_a_file_of_the_user_is_refused(
     line: str, more: str, here: Path, refused: Callable[[str], str]
 ) -> None:
+    """Also if it has the name of a command's."""
     (here / "out").mkdir()
-    (here / "out" / "mine.txt").write_text("mine")
-    assert "out holds mine.txt" in refused(line + more)
-    assert [p.name for p in here.rglob("*")] == ["out", "mine.txt"]
+    (here / "out" / "metrics.json").write_text("mine")
+    says = refused(line + more)
+    assert "out holds metrics.json but no .deeptruck.json" in says and "remove it yourself" in says
+    assert [p.name for p in here.rglob("*")] == ["out", "metrics.json"]
 
 
 def test_an_examination_goes_on_where_nothing_else_lies(here: Path, refused: Callable[[str], str]) -> None:
@@ -177,14 +181,20 @@ def test_saving_a_truck_replaces_only_what_a_truck_is_and_where_it_is_asked_to(h
 
 
 @pytest.mark.parametrize("name", ["coverage.json", ".coverage.json.tmp", "notes/mine.txt"])
+@pytest.mark.parametrize(
+    "way", [results.COVERAGE.replacing, partial(results.DEEP_TRUCK.going_on, resume=False)]
+)
 def test_nothing_in_the_draft_of_a_killed_run_is_removed(
-    name: str, here: Path, capsys: pytest.CaptureFixture[str]
+    way: Callable[..., AbstractContextManager[Path]],
+    name: str,
+    here: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """A file of the user has any name, that of one of the command's too."""
     draft = files.unfinished(here / "out")
     (draft / name).parent.mkdir(parents=True)
     (draft / name).write_text("mine")
-    with results.COVERAGE.replacing(here / "out"):
+    with way(here / "out"):
         pass
     kept = here / "out.unfinished"
     assert (kept / name).read_text() == "mine" and not draft.exists()
@@ -195,25 +205,3 @@ def test_a_file_in_the_place_of_unfinished_work_is_refused_at_once(here: Path) -
     files.unfinished(here / "out").write_text("mine")
     with pytest.raises(InputError, match="is no folder, but unfinished work is kept there; move it"):
         results.DEEP_TRUCK.check_start(here / "out", resume=True, overwrite=True)
-
-
-@pytest.mark.parametrize(
-    ("line", "name"),
-    [
-        ("deeptruck-model coverage none --out out", "coverage.json"),
-        ("deeptruck-model train none --out out", "metrics.json"),
-        ("deeptruck-model train none --out out", "MODEL_CARD.md"),
-        ("deeptruck-model apply none --out out", "simulator.json"),
-        ("deeptruck-cacc train --simulator truck:trucksim --out out", "policy.json"),
-        ("deeptruck-model prove --out out", "proof.md"),
-    ],
-)
-def test_a_file_of_the_user_with_the_name_of_a_result_stays(
-    line: str, name: str, here: Path, refused: Callable[[str], str]
-) -> None:
-    (here / "out").mkdir()
-    (here / "out" / name).write_text("mine")
-    for more in ("", "" if "prove" in line else " --overwrite"):
-        says = refused(line + more)
-        assert f"out holds {name} but no .deeptruck.json" in says and "remove it yourself" in says
-    assert (here / "out" / name).read_text() == "mine"

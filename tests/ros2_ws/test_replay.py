@@ -113,8 +113,8 @@ def test_while_a_copy_is_recorded_it_pauses_and_does_not_move(
 ) -> None:
     source, copy = tmp_path / "bag", tmp_path / "copies" / "bag"
     copy.parent.mkdir()
-    write_bag(source, [drive], interface=TRUCK)
-    # 20 s of driving at half its speed, so that it is paused long before its end on a busy machine too.
+    # 6 s at half its speed, so that it is paused long before its end on a busy machine too
+    write_bag(source, [drive.piece(0, 60)], interface=TRUCK)
     run = start("replay_recording.py", source, "--page", "--speed", 0.5, "--record", copy)
     page = Watched(run)
     page.ask(paused=1)

@@ -95,7 +95,10 @@ def held_out_errors(case: Case, truth: Mapping[str, Any]) -> dict[str, Mapping[s
         kept = {name: archive[name] for name in ("extra", "grade")}
     rows = slice(len(case.fit), None)
     blind = "grade" not in held[0].channels
-    oracle = simulator if truth["simulator"] == "deep" else _true_truck(simulator, truth, blind)
+    oracle = simulator
+    if truth["simulator"] != "deep":
+        truck: Any = simulator.with_parameters(truth["nominal_parameters"])
+        oracle = truck.with_grade_input() if blind else truck
     u, w, y = arrays(held)
     errors: dict[str, Mapping[str, float]] = {"before": open_loop(simulator, u, w, y).rmse()}
     if isinstance(simulator, PhysicsTruck):
@@ -109,11 +112,6 @@ def held_out_errors(case: Case, truth: Mapping[str, Any]) -> dict[str, Mapping[s
     if (corrected / simulators.MANIFEST).exists():
         errors["tool"] = open_loop(simulators.load(corrected), u, w, y).rmse()
     return errors
-
-
-def _true_truck(simulator: Any, truth: Mapping[str, Any], blind: bool) -> Any:
-    truck = simulator.with_parameters(truth["nominal_parameters"])
-    return truck.with_grade_input() if blind else truck
 
 
 def _recordings(case: Case, names: tuple[str, ...]) -> list[Recording]:

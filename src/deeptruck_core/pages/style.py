@@ -44,10 +44,6 @@ def plain_log(axis: Axis) -> None:
     """
     low, high = sorted(axis.get_view_interval())
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: _plain(value)))
+    plain = FuncFormatter(lambda x, _: np.format_float_positional(float(f"{x:.6g}"), trim="-"))
+    axis.set_major_formatter(plain)
     axis.set_minor_formatter(NullFormatter())
-
-
-def _plain(value: float) -> str:
-    """A tick of a logarithmic axis, without an exponent."""
-    return np.format_float_positional(float(f"{value:.6g}"), trim="-")

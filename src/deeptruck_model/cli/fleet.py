@@ -119,9 +119,13 @@ def fleet(
         if stage in ("", "pool"):
             _pool(target, trucks, level)
         if stage in ("", "roads"):
-            _roads(target)
+            from deeptruck_model.fleet.roads import roads, said
+
+            print(said(roads(target)))
         if stage in ("", "show"):
-            _show(target)
+            from deeptruck_model.fleet.page import show
+
+            print(f"see {show(target)}")
 
 
 fleet.__doc__ = _HELP
@@ -205,18 +209,6 @@ def _pool(target: Place, trucks: Path | None, level: float) -> None:
             f"over {len(found['series'])} runs with new drives: {', '.join(every) or 'no truck'} discovered, "
             f"in the last {', '.join(last['discovered']) or 'none'}, at its level of {last['level']:.2g}"
         )
-
-
-def _roads(target: Place) -> None:
-    from deeptruck_model.fleet.roads import roads, said
-
-    print(said(roads(target)))
-
-
-def _show(target: Place) -> None:
-    from deeptruck_model.fleet.page import show
-
-    print(f"see {show(target)}")
 
 
 def register(app: typer.Typer) -> None:

@@ -14,11 +14,6 @@ def split_name(text: str) -> tuple[str | None, Path]:
     return simulator, Path(bag)
 
 
-def _last(simulator: str) -> str:
-    """The last part of a simulator directory's path; any other simulator as given."""
-    return Path(simulator).name if Path(simulator).exists() else simulator
-
-
 ONE_RUN = (
     "a simulator runs free to the end of the drive, so that its error adds up; 'mismatch' and 'evaluate' "
     "give that of free runs of 40 s"
@@ -27,5 +22,8 @@ ONE_RUN = (
 
 def short_names(texts: Sequence[str]) -> list[str]:
     """The last parts of paths if these distinguish the sides, else the full texts."""
-    last = [f"{_last(sim)}@{bag.name}" if sim else bag.name for sim, bag in map(split_name, texts)]
+    last = [
+        f"{Path(sim).name if Path(sim).exists() else sim}@{bag.name}" if sim else bag.name
+        for sim, bag in map(split_name, texts)
+    ]
     return last if len(set(last)) == len(texts) else list(texts)

@@ -141,7 +141,11 @@ def _drawn(comparison: Comparison, shown: _Speeds) -> dict[str, Any]:
         "step_s": per * step_s,
         "speed_unit": shown.unit,
         "per_m_s": shown.per,
-        "panels": [_panel(name, comparison, shown) for name in PANELS if _has(name, comparison)],
+        "panels": [
+            _panel(name, comparison, shown)
+            for name in PANELS
+            if any(name in c.side.columns for c in comparison.compared)
+        ],
         "channels": [_panel(name, comparison, shown) for name in _channels(comparison)],
         "sides": [
             {**_side(c, per, shown), "native": _native(c.side, thinned, shown)} for c in comparison.compared
@@ -167,10 +171,6 @@ def _native(side: Side, per: int, shown: _Speeds) -> dict[str, Any]:
         means = shown.factor(side.units[name]) * means
         columns[name] = base64.b64encode(means.astype("<f4").tobytes()).decode()
     return {"step_s": per * side.native_step_s, "begin_s": side.begin_s, "columns": columns}
-
-
-def _has(name: str, comparison: Comparison) -> bool:
-    return any(name in c.side.columns for c in comparison.compared)
 
 
 def _panel(name: str, comparison: Comparison, shown: _Speeds) -> dict[str, str]:

@@ -83,7 +83,9 @@ def _driven(simulator: Simulator, recordings: Sequence[Recording], text: str) ->
     for r in recordings:
         inputs = np.column_stack([r.columns(simulator.interface.u), r.columns(simulator.interface.w)])
         known = np.isfinite(inputs).all(axis=1) & np.isfinite(r.channels["speed"])
-        out += [_run(simulator, r.piece(a, b)) for a, b in _segments(known, LEAST_RUN_S / r.dt)]
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+        segments = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= LEAST_RUN_S / r.dt]
+        out += [_run(simulator, r.piece(a, b)) for a, b in segments]
     if not out:
         raise InputError(f"{text}: nowhere are all commands valid for {LEAST_RUN_S:g} s; choose another bag")
     return out
@@ -99,11 +101,6 @@ def _run(simulator: Simulator, r: Recording) -> Recording:
              and name in r.channels}  # fmt: skip
     inside = {name: run.inside[name][0].astype(float) for name in INSIDE if name in run.inside}
     return Recording(r.name, r.dt, {**given, **response, **inside}, r.interface, r.start_s, r.notes)
-
-
-def _segments(known: NDArray[np.bool_], least: float) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= least]
 
 
 def _side(name: str, recordings: Sequence[Recording], step_s: float) -> Side:

@@ -81,9 +81,12 @@ def of(side: Side) -> Statistics:
     speed = side.columns["speed"]
     change = np.diff(speed) / side.step_s
     way = float(side.distance[-1])
-    gap, fuel, brake = (_known(side, c) for c in ("gap", "fuel_rate", "brake_command"))
-    behind = None if gap is None else _time_gaps(gap, speed)
-    burnt = None if fuel is None or way < 1.0 else float(np.nansum(fuel)) * side.step_s
+    known = {name: x[np.isfinite(x)] for name, x in side.columns.items() if np.isfinite(x).any()}
+    gap, fuel, brake = (known.get(name) for name in ("gap", "fuel_rate", "brake_command"))
+    gaps = side.columns.get("gap", np.full(len(speed), np.nan))
+    use = np.isfinite(gaps) & (speed > ROLLING)
+    behind = gaps[use] / speed[use]
+    burnt = None if fuel is None or way < 1.0 else float(np.sum(fuel)) * side.step_s
     return Statistics(
         duration_s=float(np.isfinite(speed).sum()) * side.step_s,
         distance_m=way,
@@ -91,11 +94,13 @@ def of(side: Side) -> Statistics:
         highest_speed_m_s=float(np.nanmax(speed)),
         acceleration_rms_m_s2=_rms(change),
         jerk_rms_m_s3=_rms(np.diff(change) / side.step_s),
-        braking_share=None if brake is None else _braking(brake),
-        mean_gap_m=None if gap is None else float(np.nanmean(gap)),
-        least_gap_m=None if gap is None else float(np.nanmin(gap)),
-        median_time_gap_s=None if behind is None else float(np.median(behind)),
-        least_time_gap_s=None if behind is None else float(np.min(behind)),
+        braking_share=None
+        if brake is None
+        else float(np.mean(brake > max(BRAKES * float(brake.max()), 1e-9))),
+        mean_gap_m=None if gap is None else float(np.mean(gap)),
+        least_gap_m=None if gap is None else float(np.min(gap)),
+        median_time_gap_s=float(np.median(behind)) if len(behind) else None,
+        least_time_gap_s=float(np.min(behind)) if len(behind) else None,
         fuel_l_per_100_km=None if burnt is None else burnt / way * LITRES_100_KM,
     )
 
@@ -107,22 +112,16 @@ def difference(first: Side, other: Side, offset_s: float) -> Difference | None:
     speed = _at(time, moved, other.columns["speed"]) - first.columns["speed"]
     if not np.isfinite(speed).any():
         return None
+    spread = float(np.std(first.columns["speed"][np.isfinite(speed)]))
     own, theirs = (np.gradient(s.columns["speed"], s.step_s) for s in (first, other))
     return Difference(
         shared_s=float(np.isfinite(speed).sum()) * first.step_s,
         speed_mean_m_s=float(np.nanmean(speed)),
         speed_rms_m_s=_rms(speed),
-        speed_fit=_fit(speed, first.columns["speed"]),
+        speed_fit=100.0 * (1.0 - _rms(speed) / spread) if spread > 0.0 else 0.0,
         acceleration_rms_m_s2=_rms(_at(time, moved, theirs) - own),
         gap_rms_m=_gap(first, other, time, moved),
     )
-
-
-def _fit(off: Array, own: Array) -> float:
-    """100 (1 - rms of the difference `off` / standard deviation of `own`), percent; 0 if `own` is
-    constant."""
-    spread = float(np.std(own[np.isfinite(off)]))
-    return 100.0 * (1.0 - _rms(off) / spread) if spread > 0.0 else 0.0
 
 
 def _gap(first: Side, other: Side, time: Array, moved: Array) -> float | None:
@@ -135,21 +134,6 @@ def _gap(first: Side, other: Side, time: Array, moved: Array) -> float | None:
 def _at(time: Array, moved: Array, values: Array) -> Array:
     """Values interpolated to other times; NaN outside, and next to unknown values."""
     return np.asarray(np.interp(time, moved, values, left=np.nan, right=np.nan))
-
-
-def _known(side: Side, channel: str) -> Array | None:
-    values = side.columns.get(channel)
-    return values if values is not None and np.isfinite(values).any() else None
-
-
-def _time_gaps(gap: Array, speed: Array) -> Array | None:
-    use = np.isfinite(gap) & (speed > ROLLING)
-    return gap[use] / speed[use] if use.any() else None
-
-
-def _braking(brake: Array) -> float:
-    known = brake[np.isfinite(brake)]
-    return float(np.mean(known > max(BRAKES * float(known.max()), 1e-9)))
 
 
 def _rms(x: Array) -> float:

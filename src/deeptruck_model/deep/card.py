@@ -153,14 +153,17 @@ def written(
     interface, run, config = truck.interface, truck.details["training"], truck.details["config"]
     seeds = ", ".join(map(str, truck.details["seeds"]))
     signals = [
-        f"| {name} | {printed(interface.unit(name))} | {role} | {low:.4g} | {high:.4g} |"
+        f"| {name} | {printed(interface.unit(name))} | {role} | {np.nanmin(x):.4g} | {np.nanmax(x):.4g} |"
         for role, names in (("input", interface.u), ("condition", interface.w), ("response", interface.y))
         for name in names
-        for low, high in [_span(training, name)]
+        for x in [np.concatenate([r.channels[name] for r in training])]
     ]
     errors = [
         f"| {name} ({printed(interface.unit(name))}) | "
-        + " | ".join(_figure(metrics[name][key]) for key in ("mean_abs", "mean", "sd_at_end", "rmse_at_end"))
+        + " | ".join(
+            "not measured" if (value := metrics[name][key]) is None else f"{value:.4f}"
+            for key in ("mean_abs", "mean", "sd_at_end", "rmse_at_end")
+        )
         + " |"
         for name in interface.y
         if name in metrics
@@ -181,15 +184,6 @@ def written(
         errors="\n".join(errors),
         limits="\n".join(f"- {limit}" for limit in _limits(truck)),
     )
-
-
-def _figure(value: float | None) -> str:
-    return "not measured" if value is None else f"{value:.4f}"
-
-
-def _span(recordings: Sequence[Recording], name: str) -> tuple[float, float]:
-    values = np.concatenate([r.channels[name] for r in recordings])
-    return float(np.nanmin(values)), float(np.nanmax(values))
 
 
 def _limits(truck: DeepTruck) -> list[str]:

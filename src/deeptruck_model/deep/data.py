@@ -265,7 +265,10 @@ def loss_weights(
 def unexcited(pieces: Sequence[Recording], interface: TruckInterface) -> tuple[str, ...]:
     """One line for each input that never varies, so that its effect cannot be learned; empty if all vary."""
     constant = [name for name in (*interface.u, *interface.w) if not _varies(pieces, name)]
-    lines = [f"{_says(name, pieces)}: {EFFECTS[name]} is not learned from it" for name in constant]
+    unused = "brake_command" in constant and not pieces[0].channels["brake_command"].any()
+    says = {name: f"{name.replace('_', ' ')} never varies" for name in constant}
+    says |= {"brake_command": "the brake is never used"} if unused else {}
+    lines = [f"{says[name]}: {EFFECTS[name]} is not learned from it" for name in constant]
     if interface.brake_unit is None:
         lines.append(f"braking is not recorded: {EFFECTS['brake_command']} is not learned from it")
     return tuple(lines)
@@ -274,9 +277,3 @@ def unexcited(pieces: Sequence[Recording], interface: TruckInterface) -> tuple[s
 def _varies(pieces: Sequence[Recording], name: str) -> bool:
     values = {float(edge(p.channels[name])) for p in pieces for edge in (np.nanmin, np.nanmax)}
     return len(values) > 1
-
-
-def _says(name: str, pieces: Sequence[Recording]) -> str:
-    if name == "brake_command" and not pieces[0].channels[name].any():
-        return "the brake is never used"
-    return f"{name.replace('_', ' ')} never varies"

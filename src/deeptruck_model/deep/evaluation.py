@@ -170,7 +170,9 @@ def baselines(runs: Trials, interface: TruckInterface, simulated: object = None)
     mass, with that mass; none if the signals are not those of a physics truck. `simulated` is the simulator,
     which is not its own baseline.
     """
-    found = [_named(CONSTANT, statistics(replace(runs, modelled=_held(runs))))]
+    held = np.repeat(runs.modelled[:, :1], runs.modelled.shape[1], axis=1)
+    held[:, :, ACCELERATION] = 0.0
+    found = [_named(CONSTANT, statistics(replace(runs, modelled=held)))]
     itself = simulated.specification.name if isinstance(simulated, PhysicsTruck) else ""
     drawn = [_physics(runs, interface, name) for name in trucks.pool() if name != itself]
     known = [x for x in drawn if x is not None]
@@ -179,13 +181,6 @@ def baselines(runs: Trials, interface: TruckInterface, simulated: object = None)
 
 def _named(name: str, figures: Mapping[str, Any]) -> dict[str, Any]:
     return {"name": name, **{channel: x for channel, x in figures.items() if isinstance(x, dict)}}
-
-
-def _held(runs: Trials) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """The initial responses held constant, with zero acceleration."""
-    held = np.repeat(runs.modelled[:, :1], runs.modelled.shape[1], axis=1)
-    held[:, :, ACCELERATION] = 0.0
-    return held
 
 
 def _physics(runs: Trials, interface: TruckInterface, name: str) -> dict[str, Any] | None:

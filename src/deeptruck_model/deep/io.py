@@ -171,7 +171,9 @@ def read(path: Path, manifest: dict[str, Any]) -> Stored:
         )
     network = TruckNetwork(shape, scales, dt, seeds=tuple(range(shape.members)))
     _fill(network, path / WEIGHTS_FILE)
-    _miss(path, manifest)
+    for name in promised(manifest):
+        if name in KEPT and not (path / name).exists():
+            raise InputError(f"{path} has lost {name}, {KEPT[name]}; restore that file, or train again")
     known = ("kind", "schema", "files", "sha256", "interface", "units", "dt", "shape", "scales")
     details = {key: value for key, value in manifest.items() if key not in known}
     columns = 1 + len(interface.u) + len(interface.w)
@@ -220,13 +222,6 @@ def _fill(network: TruckNetwork, path: Path) -> None:
         if not torch.isfinite(weights[name]).all():
             raise InputError(f"{path} holds weights that are not finite; train the simulator again")
         parameter.data.copy_(weights[name])
-
-
-def _miss(path: Path, manifest: dict[str, Any]) -> None:
-    """Raises InputError if a required file is missing."""
-    for name in promised(manifest):
-        if name in KEPT and not (path / name).exists():
-            raise InputError(f"{path} has lost {name}, {KEPT[name]}; restore that file, or train again")
 
 
 def _coverage(path: Path) -> Coverage | None:

@@ -31,7 +31,9 @@ def remarks(
     simulator: Simulator, recordings: Sequence[Recording], metrics: dict[str, Any], horizon_s: float = 0.0
 ) -> list[str]:
     """One line per remark; empty if the figures need none. `horizon_s` is the requested one."""
-    found = [_shorter(metrics, horizon_s), _overlap(recordings, metrics)]
+    found = [_overlap(recordings, metrics)]
+    if (run_s := metrics["horizon_s"]) <= horizon_s - metrics.get("dt", 0.0):
+        found = [f"no segment of the recordings is {horizon_s:g} s long: the runs are {run_s:.1f} s", *found]
     if is_deep(simulator):
         found += [_outside(simulator, recordings), _other(simulator, recordings, metrics)]
     return [line for line in found if line]
@@ -46,12 +48,6 @@ def few_runs(truck: DeepTruck, recordings: Sequence[Recording]) -> str:
         f"{driven / 60:.1f} min of driving are about {max(1, round(driven / horizon))} independent runs of "
         f"{horizon:.0f} s: little to set intervals by; an hour or more is worth it"
     )
-
-
-def _shorter(metrics: dict[str, Any], horizon_s: float) -> str:
-    if metrics["horizon_s"] > horizon_s - metrics.get("dt", 0.0):
-        return ""
-    return f"no segment of the recordings is {horizon_s:g} s long: the runs are {metrics['horizon_s']:.1f} s"
 
 
 def _overlap(recordings: Sequence[Recording], metrics: dict[str, Any]) -> str:

@@ -214,16 +214,13 @@ def sample_figure(runs: Trials) -> Figure:
             axes[j, column].plot(runs.time, runs.measured[trial, :, j], color=RECORDED, label="recorded")
             axes[j, column].plot(runs.time, runs.modelled[trial, :, j], color=MODELLED, label="model")
             axes[j, 0].set_ylabel(f"{LABELS[name]}\n[{printed(CHANNELS[name].unit)}]")
-        title = f"{_rank(int(places[column]), len(order))}\n{worst[trial]:.2f} m/s"
+        place, runs_ = int(places[column]), len(order)  # the best run first
+        rank = {0: "best run", runs_ - 1: "worst run"}.get(place, f"run {place + 1} of {runs_}")
+        title = f"{rank}\n{worst[trial]:.2f} m/s"
         axes[0, column].set_title(title, fontsize=8)
         axes[-1, column].set_xlabel("time [s]")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
-
-
-def _rank(place: int, runs: int) -> str:
-    """Description of a run's rank, with the best run first."""
-    return {0: "best run", runs - 1: "worst run"}.get(place, f"run {place + 1} of {runs}")
 
 
 DRAWN = {

@@ -172,12 +172,9 @@ def _table(rows: Sequence[dict[str, Any]]) -> str:
     head = "| settings | speed error, m/s: min / median / max | acceleration error, m/s² |"
     lines = [head, "| --- | --- | --- |"]
     for row in rows:
-        cells = [_spread(row["held_out_mean_abs"][name]) for name in SHOWN]
+        errors = [row["held_out_mean_abs"][name] for name in SHOWN]
+        cells = [" / ".join(f"{x:.3f}" for x in np.quantile(e, (0.0, 0.5, 1.0))) if e else "" for e in errors]
         if row["diverged"]:
             cells[0] = f"{cells[0]} {row['diverged']} diverged".lstrip()
         lines.append(f"| {sweeps.name(row['settings'])} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
-
-
-def _spread(values: Sequence[float]) -> str:
-    return " / ".join(f"{x:.3f}" for x in np.quantile(values, (0.0, 0.5, 1.0))) if values else ""

@@ -20,7 +20,7 @@ from deeptruck_model import simulators
 from deeptruck_model.checks import calls
 from deeptruck_model.deep import card, coverage, remarks, resume
 from deeptruck_model.deep.arguments import FUEL, PAPER_FUEL, Arguments
-from deeptruck_model.deep.data import FloatArray, Scales, Sequences, loss_weights
+from deeptruck_model.deep.data import FloatArray, Scales, loss_weights
 from deeptruck_model.deep.kernels import loss
 from deeptruck_model.deep.network import WEIGHTS, Shape, TruckNetwork
 from deeptruck_model.deep.optimizer import (
@@ -238,7 +238,9 @@ def _round(
 ) -> np.ndarray[Any, Any]:
     """`count` updates; returns the losses (members,) of the last."""
     arguments, sequences, batch = run.arguments, run.data.sequences, run.arguments.sequences
-    starts = _draw(sequences, run.seeds, done // per_round, per_round * batch, run.steps)
+    # starts of the round, (members, count), depend on seed and round, so that a resumed run draws the same
+    rngs = [np.random.default_rng([seed, done // per_round]) for seed in run.seeds]
+    starts = np.stack([sequences.draw(per_round * batch, run.steps, rng) for rng in rngs])
     losses = np.full(len(run.seeds), np.nan)
     for i in range(count):
         x, target = sequences.gather(starts[:, i * batch : (i + 1) * batch], run.steps)
@@ -272,11 +274,3 @@ def _details(run: _Run, seconds: float) -> dict[str, Any]:
             "validation_loss": run.best.scores.tolist(),
         },
     }
-
-
-def _draw(
-    sequences: Sequences, seeds: tuple[int, ...], round_: int, count: int, steps: int
-) -> np.ndarray[Any, Any]:
-    """Starts of one round, (members, count). They depend only on seed and round, so that a resumed run draws
-    the same."""
-    return np.stack([sequences.draw(count, steps, np.random.default_rng([seed, round_])) for seed in seeds])

@@ -85,7 +85,10 @@ def extract(job: Extraction) -> dict[str, Any]:
         with job.source.copied(file.path) as (copy, digest):
             receipt["sha256"] = digest
             try:
-                recordings = [_named(r, drive.name) for r in _read(copy, job.reading)]
+                recordings = [
+                    replace(r, name=f"{drive.name}{''.join(r.name.partition('#')[1:])}")
+                    for r in _read(copy, job.reading)
+                ]
                 _check(recordings, job.reading.taken, file.path)
                 receipt |= _kept(recordings, job.target, _place(drive, digest))
             except StorageError:
@@ -197,11 +200,6 @@ def _read(copy: Path, reading: Reading) -> list[Recording]:
     return [replace(r, account=account) for r in read(imported.bag, rate_hz=rate)]
 
 
-def _named(r: Recording, name: str) -> Recording:
-    _, number, piece = r.name.partition("#")
-    return replace(r, name=f"{name}{number}{piece}")
-
-
 def _check(recordings: Sequence[Recording], taken: Taken, path: str) -> None:
     """Raises InputError for a recording that lacks an input of the class's simulator or has other units."""
     if not recordings:
@@ -244,10 +242,8 @@ def _kept(recordings: Sequence[Recording], target: Place, path: str) -> dict[str
         "parquet": path,
         "parquet_bytes": len(content),
         "hours": round(sum(len(r) * r.dt for r in recordings) / 3600.0, 6),
-        "accounts": [_anonymous(to_json(a)) for a in accounts.values()],
+        "accounts": [  # without the path of the local copy
+            {n: account[n] for n in ("items", "read", "used", "set_aside", "channels")}
+            for account in map(to_json, accounts.values())
+        ],
     }
-
-
-def _anonymous(account: dict[str, Any]) -> dict[str, Any]:
-    """An account without the path of the local copy."""
-    return {n: account[n] for n in ("items", "read", "used", "set_aside", "channels")}

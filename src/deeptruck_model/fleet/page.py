@@ -76,7 +76,10 @@ def _fleet(target: Place) -> dict[str, Any]:
         ],
         "first": first,
         "again": _again(pooled["trucks"]),
-        "series": [_batch(b) for b in pooled.get("series", ())],
+        "series": [
+            (b["until"] or "", str(len(b["p"])), f"{b['level']:.3g}", ", ".join(b["discovered"]) or "none")
+            for b in pooled.get("series", ())
+        ],
         "roads": _roads(target),
         "rows": rows,
         "legend": "Evidence for each family on drives held out, in nats; ● is a discovery within its truck.",
@@ -107,7 +110,11 @@ def _folder(target: Place) -> dict[str, Any]:
         report = posixpath.join(name, "report.html")
         link = _link(report) if report in there else None
         marked = said not in NOTHING
-        cells = [_probability(tree.get(f, 0.0) if marked else 0.0) for f in FAMILIES]
+        probabilities = [tree.get(f, 0.0) if marked else 0.0 for f in FAMILIES]
+        cells = [
+            {"text": f"{100 * p:.0f}" if p >= 0.005 else "", "shade": f"{0.75 * p:.2f}"}
+            for p in probabilities
+        ]
         label = name or target.name
         rows.append({"name": label, "link": link, "cells": cells, "marked": marked})
         if marked:
@@ -169,10 +176,6 @@ def _again(trucks: Mapping[str, Any]) -> dict[str, Any] | None:
     return {"count": len(again), "rows": rows}
 
 
-def _batch(b: Mapping[str, Any]) -> tuple[str, ...]:
-    return b["until"] or "", str(len(b["p"])), f"{b['level']:.3g}", ", ".join(b["discovered"]) or "none"
-
-
 def _roads(target: Place) -> dict[str, Any] | None:
     """Sentence and map of the shared roads; None before the stage was run."""
     if not target.exists(ROADS):
@@ -205,10 +208,6 @@ def _nats(value: float | None, marked: bool) -> dict[str, str]:
 
     shade = math.log1p(max(value, 0.0)) / math.log1p(FULL_NATS)
     return {"text": f"{value:.0f}{' ●' if marked else ''}", "shade": f"{min(shade, 1.0) * 0.75:.2f}"}
-
-
-def _probability(p: float) -> dict[str, str]:
-    return {"text": f"{100 * p:.0f}" if p >= 0.005 else "", "shade": f"{0.75 * p:.2f}"}
 
 
 def _weeks(trucks: list[tuple[str, Any]]) -> dict[str, Any] | None:

@@ -100,15 +100,10 @@ def headline(pooled: Mapping[str, Any]) -> tuple[str, str]:
         first = f"none of {len(entries)} trucks differs from its siblings"
     if differ:
         return first, f"established to differ, at a false discovery rate of {level}: {_named(differ)}"
-    needed = max(map(_needed, pooled["classes"].values()), default=0)
+    classes = [c for c in pooled["classes"].values() if c["tested"]]  # so that all could be discovered
+    needed = max((int(c["references_needed"].get(str(c["tested"]), 0)) for c in classes), default=0)
     takes = f", which takes {needed} references in a class" if needed else ""
     return first, f"none is established to differ{takes}"
-
-
-def _needed(c: Mapping[str, Any]) -> int:
-    """Number of references needed so that all tested trucks of a class could be discovered; 0 if none is
-    tested."""
-    return int(c["references_needed"].get(str(c["tested"]), 0)) if c["tested"] else 0
 
 
 def _named(names: Iterable[str]) -> str:
@@ -138,7 +133,11 @@ def _entry(
         "traits": dict(truck.traits),
         **{n: v if not isinstance(v, float) or np.isfinite(v) else None for n, v in asdict(tested).items()},
         **_result(receipt, verdict),
-        "families_nats": _by_family(receipt["nats_held_out"]),
+        "families_nats": {
+            family: round(total(nats, [n for n in nats if FAMILY.get(n, n) == family]), 3)
+            for nats in [receipt["nats_held_out"]]
+            for family in sorted({FAMILY.get(name, name) for name in nats})
+        },
         "tree": {n["node"]: n["probability"] for n in verdict["tree"] if n["parent"] == "mismatch"},
         "weeks": receipt["weeks"],
     }
@@ -154,11 +153,6 @@ def _result(receipt: Mapping[str, Any], verdict: Mapping[str, Any]) -> dict[str,
         "last_week": max(receipt["weeks"], default=None),
         "held_out": nats if np.isfinite(nats) else None,
     }
-
-
-def _by_family(nats: Mapping[str, float]) -> dict[str, float]:
-    families = sorted({FAMILY.get(name, name) for name in nats})
-    return {f: round(total(nats, [n for n in nats if FAMILY.get(n, n) == f]), 3) for f in families}
 
 
 def _class(

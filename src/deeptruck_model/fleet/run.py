@@ -21,7 +21,6 @@ from deeptruck_model.fleet.extract import INDEX, RECEIPTS, Extraction, Reading
 from deeptruck_model.fleet.plan import Drive, Truck
 from deeptruck_model.fleet.storage import Place, StorageError, code
 
-FLEET = "fleet.json"
 PROBES = 3  # files of a class that are read first: where none can be used, nothing else is read
 ENGINES = {"local": "processes", "ray": "ray"}
 

@@ -65,7 +65,8 @@ class Place:
             for info in found
             if info.type == fs.FileType.File
         ]
-        return sorted((f for f in kept if not _hidden(f.path)), key=lambda f: f.path)
+        shown = [f for f in kept if not any(part.startswith(".") for part in f.path.split("/"))]
+        return sorted(shown, key=lambda f: f.path)
 
     def exists(self, path: str) -> bool:
         """Whether a file exists."""
@@ -159,7 +160,8 @@ class Place:
             try:
                 return act()
             except OSError as error:
-                if isinstance(error, FileNotFoundError | PermissionError) or _denied(error):
+                denied = any(word in str(error) for word in ("ACCESS_DENIED", "Access Denied"))
+                if denied or isinstance(error, FileNotFoundError | PermissionError):
                     raise StorageError(f"{self.name}: {what}: {_says(error)}") from None
                 if attempt == TRIES - 1:
                     raise StorageError(f"{self.name}: {what} failed {TRIES} times: {_says(error)}") from None
@@ -214,14 +216,6 @@ def code(*rooms: str) -> str:
 def key(*parts: object) -> str:
     """A short hash of data, equal on every machine."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]
-
-
-def _hidden(path: str) -> bool:
-    return any(part.startswith(".") for part in path.split("/"))
-
-
-def _denied(error: OSError) -> bool:
-    return "ACCESS_DENIED" in str(error) or "Access Denied" in str(error)
 
 
 def _says(error: BaseException) -> str:

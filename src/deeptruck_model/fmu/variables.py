@@ -37,6 +37,7 @@ OWN_NAMES = {  # where the FMU's name is not just ours
     "start": {name: f"initial_{name}" for name in START},
     "measured": {"speed": "measured_speed", "acceleration": "measured_acceleration", "active": "measured"},
 }
+KINDS = {"inputs": "input", "measured": "input", "outputs": "output", "parameters": "parameter"}
 DT = 0.1  # s
 _NUMBER = number(-1e300, 1e300)
 _STEP = {"type": "number", "exclusiveMinimum": 0, "maximum": 60, "errorMessage": "give s"}
@@ -131,15 +132,12 @@ def _links(d: Description, section: str, given: Mapping[Any, Any]) -> dict[str, 
         if name in given:
             if given[name] is not None:
                 found[name] = _mapped_link(d, section, name, given[name])
-        elif (own := d.variables.get(OWN_NAMES.get(section, {}).get(name, name))) and _fits(own, section):
+        elif (
+            (own := d.variables.get(OWN_NAMES.get(section, {}).get(name, name)))
+            and own.causality == KINDS.get(section, own.causality)  # a name alone may mean anything
+        ):
             found[name] = _link(section, name, own, None, None)
     return found
-
-
-def _fits(own: Variable, section: str) -> bool:
-    """Whether a variable of our name also has the right kind, because a name alone may mean anything."""
-    kinds = {"inputs": "input", "measured": "input", "outputs": "output", "parameters": "parameter"}
-    return own.causality == kinds.get(section, own.causality)
 
 
 def _mapped_link(d: Description, section: str, name: str, line: Any) -> Link:

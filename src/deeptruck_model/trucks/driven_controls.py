@@ -106,7 +106,9 @@ def learned(truck: Specification, recordings: Sequence[Recording]) -> Learned:
     """The truck with the shift speeds, pedal curve and single parameters of the recordings, each only if it
     reduces the speed error of free runs along these."""
     one_gear = len(truck.ratios) == 1
-    known = (_in_first(r) if one_gear else r for r in recordings)
+    known = (
+        replace(r, channels={**r.channels, "gear": np.ones(len(r))}) if one_gear else r for r in recordings
+    )
     usable = [r for r in known if {"gear", "engine_speed", "engine_command"} <= r.channels.keys()]
     before = _error(PhysicsTruck(truck), usable)
     if before is None:
@@ -198,11 +200,6 @@ def _of_least_error(given: float, one: Single, off: Callable[[float], float]) ->
         )
         best = min((one.low, float(found.x)), key=off)
     return round(best, 4) if off(best) < (1.0 - GAIN) * before else given
-
-
-def _in_first(r: Recording) -> Recording:
-    """The recording of a truck with one gear, with that gear."""
-    return replace(r, channels={**r.channels, "gear": np.ones(len(r))})
 
 
 def _earlier(r: Recording, late_s: float) -> Recording:

@@ -190,12 +190,6 @@ def _episodes(n: int, dt: float, settings: CycleSettings, rng: np.random.Generat
     return np.array(sorted(rows), EPISODE)
 
 
-def _phases(n: int, dt: float, share: float, rng: np.random.Generator) -> Array:
-    """0 or 1 for each sample, in phases of three minutes."""
-    blocks = rng.random(int(n * dt / 180.0) + 1) < share
-    return np.repeat(blocks.astype(float), ceil(180.0 / dt))[:n]
-
-
 def drive_episodes(
     truck: PhysicsTruck, count: int, *, seed: int, settings: CycleSettings | None = None
 ) -> list[Recording]:
@@ -251,7 +245,8 @@ def drive(
     targets = speed_profile(total, seed=rng, dt=dt, settings=settings.speed)
     road = road_grade(float(targets.sum()) * dt * 1.2 + 2000.0, seed=rng, settings=settings.road)
     episodes = _episodes(len(targets), dt, settings, rng)
-    engine_brake = _phases(len(targets), dt, settings.engine_brake_share, rng)
+    phases = rng.random(int(len(targets) * dt / 180.0) + 1) < settings.engine_brake_share  # of three minutes
+    engine_brake = np.repeat(phases.astype(float), ceil(180.0 / dt))[: len(targets)]
     log = drive_along(truck, targets, engine_brake, episodes, road, settings.road.spacing)
     return _recording(truck, log, name or f"{truck.interface.name}-{seed}", seed)
 

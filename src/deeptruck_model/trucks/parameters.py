@@ -109,12 +109,11 @@ class Parameter:
     meaning: str
 
 
-def _parse(row: str) -> Parameter:
-    part, name, unit, low, high, meaning = (cell.strip() for cell in row.split("|"))
-    return Parameter(part, name, unit, float(low), float(high), meaning)
-
-
-PARAMETERS: dict[str, Parameter] = {p.name: p for p in map(_parse, _ROWS.strip().splitlines())}
+_CELLS = ([cell.strip() for cell in row.split("|")] for row in _ROWS.strip().splitlines())
+PARAMETERS: dict[str, Parameter] = {
+    name: Parameter(part, name, unit, float(low), float(high), meaning)
+    for part, name, unit, low, high, meaning in _CELLS
+}
 PARTS = tuple(dict.fromkeys(p.part for p in PARAMETERS.values()))
 
 RECORD = np.dtype(

@@ -120,16 +120,6 @@ def test_a_second_run_into_one_folder_is_refused(tmp_path: Path) -> None:
         KIND.check(tmp_path / "out")
 
 
-def test_a_file_that_comes_while_the_result_is_made_stays(tmp_path: Path) -> None:
-    publish(tmp_path / "out", a="old")
-    with (
-        pytest.raises(InputError, match=r"mine\.txt, which is no part"),
-        KIND.replacing(tmp_path / "out", overwrite=True),
-    ):
-        (tmp_path / "out" / "mine.txt").write_text("mine")
-    assert (tmp_path / "out" / "mine.txt").read_text() == "mine"
-
-
 @pytest.mark.parametrize("way", [KIND.replacing, KIND.going_on])
 @pytest.mark.parametrize("older", [True, False])
 def test_what_is_finished_is_kept_where_something_else_came_to_its_place(
@@ -207,21 +197,6 @@ def test_where_nothing_was_recorded_the_older_one_stands(tmp_path: Path) -> None
     with KIND.recording(out, overwrite=True, whole=lambda _: True):
         assert (out / "a").read_text() == "first"
     assert (out / "a").read_text() == "first" and [p.name for p in tmp_path.iterdir()] == ["out"]
-
-
-def test_begun_work_is_set_aside_when_the_user_begins_anew(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "out"
-    with pytest.raises(ZeroDivisionError), KIND.going_on(out) as draft:
-        (draft / "log").mkdir()
-        (draft / "log" / "1.txt").write_text("hours of work")
-        raise ZeroDivisionError
-    with KIND.going_on(out, resume=False) as draft:
-        (draft / "log").mkdir()
-    (kept,) = set(tmp_path.iterdir()) - {out}
-    assert (kept / "log" / "1.txt").read_text() == "hours of work"
-    assert f"had begun is kept as {kept}" in capsys.readouterr().err
 
 
 def test_what_another_command_left_unfinished_is_not_gone_on_with(tmp_path: Path) -> None:

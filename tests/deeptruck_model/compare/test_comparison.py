@@ -20,6 +20,7 @@ from deeptruck_core.errors import InputError
 from deeptruck_model import cli, simulators, trucks
 from deeptruck_model.compare import compare, page, write
 from deeptruck_model.compare.alignment import By, Road
+from deeptruck_model.compare.comparison import Comparison
 from deeptruck_model.recordings import Recording, read, write_bag
 from deeptruck_model.simulators import free_run
 from deeptruck_model.trucks import driving_cycles
@@ -60,8 +61,13 @@ def bags(drive: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_later_start_is_found_and_nothing_is_left(bags: Path) -> None:
-    _, later = compare([str(bags / "whole"), str(bags / "later")]).compared
+@pytest.fixture(scope="module")
+def whole_and_later(bags: Path) -> Comparison:
+    return compare([str(bags / "whole"), str(bags / "later")])
+
+
+def test_a_later_start_is_found_and_nothing_is_left(whole_and_later: Comparison) -> None:
+    _, later = whole_and_later.compared
     assert later.offset.found and later.offset.seconds == pytest.approx(40.0, abs=0.5)
     assert later.offset.correlation > 0.999
     assert later.difference is not None and later.difference.speed_rms_m_s < 0.02
@@ -176,8 +182,8 @@ def test_a_simulator_drives_along_a_bag_on_its_clock(bags: Path, drive: Recordin
     assert simulated.offset.seconds == 0.0 and simulated.side.simulated == "truck:trucksim"
 
 
-def test_numbers_of_a_drive(bags: Path, drive: Recording) -> None:
-    whole = compare([str(bags / "whole"), str(bags / "later")]).compared[0].statistics
+def test_numbers_of_a_drive(whole_and_later: Comparison, drive: Recording) -> None:
+    whole = whole_and_later.compared[0].statistics
     speed = drive.channels["speed"]
     assert whole.duration_s == pytest.approx(420.0) and whole.mean_speed_m_s == pytest.approx(
         speed.mean(), abs=0.01
@@ -198,9 +204,10 @@ def test_a_hole_is_no_standstill(tmp_path: Path, drive: Recording) -> None:
     assert b.difference is not None and b.difference.speed_rms_m_s < 0.02
 
 
-def test_the_page_has_the_numbers_of_the_file_and_fetches_nothing(bags: Path, tmp_path: Path) -> None:
-    found = compare([str(bags / "whole"), str(bags / "later")])
-    write(found, tmp_path)
+def test_the_page_has_the_numbers_of_the_file_and_fetches_nothing(
+    whole_and_later: Comparison, tmp_path: Path
+) -> None:
+    write(whole_and_later, tmp_path)
     told = json.loads((tmp_path / "compare.json").read_text())
     text = (tmp_path / "compare.html").read_text()
     assert 'value="40"' in text and told["sides"][1]["offset_s"] == 40.0
@@ -212,7 +219,9 @@ def test_the_page_has_the_numbers_of_the_file_and_fetches_nothing(bags: Path, tm
     assert not re.search(r"(?:src|href)=|https?://|fetch\(|@import", text)
 
 
-def test_speeds_are_shown_in_another_unit_and_stored_in_ours(bags: Path, tmp_path: Path) -> None:
+def test_speeds_are_shown_in_another_unit_and_stored_in_ours(
+    bags: Path, whole_and_later: Comparison, tmp_path: Path
+) -> None:
     bag = bags / "whole"
     given = ["compare", str(bag), str(bags / "other"), "--out", str(tmp_path / "out")]
     done = RUN.invoke(cli.whole(), [*given, "--units", "km/h"])
@@ -223,7 +232,7 @@ def test_speeds_are_shown_in_another_unit_and_stored_in_ours(bags: Path, tmp_pat
     assert f"{3.6 * rms:.3g} km/h off" in done.output and f"{3.6 * rms:.2g} km/h off" in text
     assert f'data-number="speed_rms_m_s">{3.6 * rms:.4g}</td><td>km/h' in text and "speed, km/h" in text
     with pytest.raises(InputError, match="not in 'knots'"):
-        page.page(compare([str(bag), str(bags / "later")]), "knots")
+        page.page(whole_and_later, "knots")
 
 
 @pytest.mark.parametrize(
@@ -306,8 +315,8 @@ frame.addEventListener("load", () => {
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; install it to look at the page")
-def test_it_is_brushed_moved_and_keyed_in_a_browser(bags: Path, tmp_path: Path) -> None:
-    text = html.escape(page.page(compare([str(bags / "whole"), str(bags / "later")])), quote=True)
+def test_it_is_brushed_moved_and_keyed_in_a_browser(whole_and_later: Comparison, tmp_path: Path) -> None:
+    text = html.escape(page.page(whole_and_later), quote=True)
     file = tmp_path / "page.html"
     file.write_text(f'<iframe width="1200" height="1600" srcdoc="{text}"></iframe><script>{WATCH}</script>')
     command = [

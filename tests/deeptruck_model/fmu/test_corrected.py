@@ -13,7 +13,7 @@ from deeptruck_model.trucks import driving_cycles
 
 def test_the_corrected_fmu_loads_again_and_is_better(heavy: Path, tmp_path: Path) -> None:
     truck = trucks.load("trucksim")
-    c = driving_cycles.drive(truck, seconds=240.0, seed=1).channels
+    c = driving_cycles.drive(truck, seconds=60.0, seed=1).channels
     i = truck.interface
     u, w, y = (np.stack([c[name] for name in names], -1)[None] for names in (i.u, i.w, i.y))
     base = simulators.load(f"fmu:{heavy}")

@@ -65,7 +65,9 @@ def lines(rows: Sequence[Row], plant: str = "fastsim") -> list[str]:
 def _cells(simulator: str, concealed: str, rows: Sequence[Row]) -> list[str]:
     said = Counter(" ".join(r["said"]) or str(r["verdict"]) for r in rows)
     words = "; ".join(f"{what}{f' ({n})' if n > 1 else ''}" for what, n in said.most_common())
-    return [simulator, concealed, words, right(rows), *(_median(rows, name) for name in ERRORS)]
+    known = ([r[name] for r in rows if r[name] is not None] for name in ERRORS)
+    medians = (f"{median(values):.2f}" if values else "-" for values in known)
+    return [simulator, concealed, words, right(rows), *medians]
 
 
 def right(rows: Sequence[Row]) -> str:
@@ -76,11 +78,6 @@ def right(rows: Sequence[Row]) -> str:
     first, group = (sum(RIGHT.get(r["outcome"], (0, 0))[i] for r in rows) for i in (0, 1))
     named = sum(r["recall"] > 0.0 for r in rows)
     return f"{first}, {group}, {named} of {len(rows)}"
-
-
-def _median(rows: Sequence[Row], name: str) -> str:
-    known = [r[name] for r in rows if r[name] is not None]
-    return f"{median(known):.2f}" if known else "-"
 
 
 def _totals(rows: Sequence[Row]) -> list[str]:

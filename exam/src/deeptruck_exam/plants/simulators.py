@@ -14,7 +14,7 @@ import yaml
 
 from deeptruck_core.errors import InputError
 from deeptruck_exam.plants import fastsim_truck as plant
-from deeptruck_exam.plants.cases import CONCEALED, Concealed, drives, written
+from deeptruck_exam.plants.cases import CONCEALED, drives, written
 from deeptruck_exam.tool import CONSOLE_SCRIPT
 from deeptruck_model.simulators import MANIFEST
 
@@ -31,7 +31,10 @@ def make(folder: Path, *, grade: bool = True, updates: int = UPDATES) -> dict[st
     without `grade`. Raises InputError if a command fails."""
     folder.mkdir(parents=True, exist_ok=True)
     shown = CONCEALED["nothing" if grade else "slope"]
-    bags, geared = (_bags(shown, folder / name, name == "geared") for name in ("drives", "geared"))
+    bags, geared = (
+        [p for s in SEEDS for p in written(drives(shown, s, geared=name == "geared"), folder / name / str(s))]
+        for name in ("drives", "geared")
+    )
     each = [part for path in geared for part in ("--recordings", str(path))]
     learned, fitted, truck, equations = (
         folder / name for name in ("learned", "fitted", "line_haul.yaml", "equations.yaml")
@@ -47,10 +50,6 @@ def make(folder: Path, *, grade: bool = True, updates: int = UPDATES) -> dict[st
     if grade and not (fitted / MANIFEST).exists():
         command("calibrate-truck", follows, *each, "--out", str(fitted))
     return {DATA_SHEET: sheet, LEARNED: str(learned), OWN: f"{EQUATIONS}:{equations}"}
-
-
-def _bags(shown: Concealed, folder: Path, geared: bool) -> list[Path]:
-    return [path for s in SEEDS for path in written(drives(shown, s, geared=geared), folder / str(s))]
 
 
 def _data_sheet(path: Path) -> None:

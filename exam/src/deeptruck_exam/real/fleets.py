@@ -23,7 +23,7 @@ from deeptruck_exam.cases.case import Case
 from deeptruck_exam.folder import REAL, check_real
 from deeptruck_exam.real.withheld import LAYOUTS, SOURCES, Source, examine_withheld, trained, whole_log
 from deeptruck_exam.tool import run_tool, summary
-from deeptruck_model.recordings import Recording, split, write_bag
+from deeptruck_model.recordings import split, write_bag
 
 CHOSEN_ON, REPORTED = "settings were chosen", "only reported"
 LIMIT_S = 3600.0
@@ -133,25 +133,18 @@ def _judge(fleet: Fleet, data: Path, out: Path, updates: int) -> list[Row]:
     if not fleet.trainers:
         (log,) = logs
         trainers, rest, _ = split(log, (0.5, 0.5, 0.0))
-        logs = [[r] for r in sorted(filter(_driven, rest), key=len)[-MOST_DRIVES:]]
+        whole = [r for r in rest if np.isfinite(np.hstack([r.u, r.w])).all(axis=1).mean() > MOSTLY]
+        logs = [[r] for r in sorted(whole, key=len)[-MOST_DRIVES:]]  # a simulator needs all inputs
     simulator = trained(trainers, out / "simulator", updates)
     drives = [drive for drive in logs if max(len(r) * r.dt for r in drive) >= fleet.least_s]
     if len(drives) < 2:
         print(f"{fleet.name}: skipped, fewer than two drives of {fleet.least_s:g} s")
         return []
-    names = [_written(drive, out / "recordings" / f"drive_{k}") for k, drive in enumerate(drives)]
+    names = [f"drive_{k}" for k in range(len(drives))]
+    for name, drive in zip(names, drives, strict=True):
+        if not (bag := out / "recordings" / name).exists():
+            write_bag(bag, drive, interface=drive[0].interface)
     return [_pair(fleet, out, simulator, fit, held) for fit, held in pairwise([*names, *names[:1]])]
-
-
-def _driven(recording: Recording) -> bool:
-    """Whether most samples of every input are valid; a simulator needs all inputs."""
-    return float(np.isfinite(np.hstack([recording.u, recording.w])).all(axis=1).mean()) > MOSTLY
-
-
-def _written(drive: Sequence[Recording], bag: Path) -> str:
-    if not bag.exists():
-        write_bag(bag, drive, interface=drive[0].interface)
-    return bag.name
 
 
 def _pair(fleet: Fleet, out: Path, simulator: Path, fit: str, held: str) -> Row:
@@ -161,10 +154,7 @@ def _pair(fleet: Fleet, out: Path, simulator: Path, fit: str, held: str) -> Row:
         run = run_tool(case, out / f"{fit}-{held}" / "found", limit_s=LIMIT_S)
         row = Row(fleet.name, f"{fit}, {held}", fleet.part, "", fleet.lacks, **summary(run))
         files.write(path, json.dumps(asdict(row), indent=1).encode())
-    return _read(json.loads(path.read_text()))
-
-
-def _read(kept: dict[str, Any]) -> Row:
+    kept = json.loads(path.read_text())
     return Row(**{**kept, "said": tuple(kept["said"]), "sizes": tuple(kept["sizes"])})
 
 

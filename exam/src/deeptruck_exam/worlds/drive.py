@@ -10,7 +10,7 @@ import numpy as np
 from deeptruck_exam.laws.law import Array, Channels
 from deeptruck_exam.worlds.drivers import STANDSTILL_M, Driver
 from deeptruck_exam.worlds.roads import Roads
-from deeptruck_model.trucks import Force, PhysicsTruck
+from deeptruck_model.trucks import PhysicsTruck
 
 SEEN = ("gear", "engine_speed", "engine_torque", "elevation", "distance")
 
@@ -39,7 +39,8 @@ def simulate(truck: PhysicsTruck, roads: Roads, driver: Driver, leader_m: Array,
         inside = state.records
         for name in SEEN:
             seen[name][:, k] = inside[name]
-        seen["engine_torque"][:, k] += _on_bus_nm(state.forces)
+        on_bus = (np.asarray(getattr(force, "on_bus_nm", 0.0)) for force in state.forces)
+        seen["engine_torque"][:, k] += sum(on_bus, start=np.zeros(()))  # what the controller reports too much
         w[:, k, 0] = roads.grade_at(inside["distance"])
         gap = leader_m[:, k] - inside["distance"]
         u[:, k] = driver.act(k, y[:, k, 1], gap, inside["ratio"], inside["engine_speed"], w[:, k, 0])
@@ -55,12 +56,6 @@ def simulate(truck: PhysicsTruck, roads: Roads, driver: Driver, leader_m: Array,
         **seen,
     }
     return Drives(channels, u, w, y, dt)
-
-
-def _on_bus_nm(forces: Sequence[Force]) -> Array | float:
-    """The difference of the torque that the engine controller reports from the requested one,
-    (batch,) N m."""
-    return sum((np.asarray(getattr(force, "on_bus_nm", 0.0)) for force in forces), start=np.zeros(()))
 
 
 def leader_way(target: Array, follows: Sequence[bool], headway_s: float, dt: float) -> Array:
