@@ -20,16 +20,16 @@ from typing import Any
 
 import harness
 import numpy as np
+from ideal_observer import AHEAD, ideal, true_force, with_events
+from threadpoolctl import threadpool_limits
+
+from deeptruck_core.errors import InputError
 from deeptruck_exam.cases.case import Case, further_drives, make_case, open_truth
 from deeptruck_exam.cases.levels import LEVELS
 from deeptruck_exam.cases.plan import MINUTES
 from deeptruck_exam.scoring import score
 from deeptruck_exam.scoring.evaluation import arrays, open_loop
 from deeptruck_exam.tool import excluded
-from ideal_observer import AHEAD, ideal, true_force, with_events
-from threadpoolctl import threadpool_limits
-
-from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
 from deeptruck_model.mismatch import Mismatch
 from deeptruck_model.mismatch.find import called, compared, concluded

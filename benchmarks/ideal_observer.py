@@ -14,9 +14,9 @@ from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
-from deeptruck_exam.cases.build import DT
 from numpy.typing import NDArray
 
+from deeptruck_exam.cases.build import DT
 from deeptruck_model.mismatch.posterior.kernels import Kernel
 from deeptruck_model.mismatch.posterior.names import Compared
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior
