@@ -237,7 +237,7 @@ class Limits:
     form_error: float = _rule(
         0.1,
         "1",
-        "of the standard deviation of the lasting residual, to which no form of a mechanism is exact",
+        "model-form error, of the standard deviation of the lasting residual",
         CHOSEN,
     )
     least_ratio: float = _rule(

@@ -264,8 +264,8 @@ def _best(options: Sequence[Recipe], errors: Sequence[Array], rules: Rules) -> i
 
 
 def _nested(options: Sequence[Recipe], errors: Sequence[Array], rules: Rules) -> Array:
-    """Errors of every drive (drives, 2) by the recipe that is best on the others: the one that is best on all
-    is so on each by chance too."""
+    """Errors of every drive (drives, 2) by the recipe that is best on the others (nested choice): one
+    that was chosen on all drives would be judged too well on each."""
     drives = np.arange(len(errors[0]))
     return np.array([errors[_best(options, [e[drives != k] for e in errors], rules)][k] for k in drives])
 
