@@ -152,7 +152,7 @@ def on_a_road(name: str, policy: Path, seed: int) -> list[str]:
     found = ((says, worst, [row[key] for row in each]) for says, key, worst in HILLS)
     rows = (f"{says} | {worst(values):.3g} ({np.median(values):.3g})" for says, worst, values in found)
     table = harness.table("worst of the seeds (median) | ", rows)
-    return [*lines, "on hills that are felt and not seen:", "", *table, ""]
+    return [*lines, "on hills that the truck drives and the policy is not given:", "", *table, ""]
 
 
 def beside_baselines(result: dict[str, Any]) -> list[str]:

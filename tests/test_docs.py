@@ -82,8 +82,9 @@ WORDS = {  # what control engineers do not say: and what they do. Phrases where 
     "holds? the mean alone": "contains only the average",
     "strays?|allowances?": "leaves, tolerance",
     "levers?|tempers?|tempered": "overall gear ratio, evidence temperature",
-    "believed": "accepted, reported probability",
+    "believe[sd]?": "accept, assume, reported probability",
     "practical": "physically plausible",
+    "nobody's part|no form of a mechanism|no mechanism is in|best on all is so": "see the glossary",
     "conceals?|sealed": "hidden, withheld, held-out test set",
     "control (ends|ended)|ends? control": "hands back",  # fall back is to a baseline
     "(hand|hands|handed) over(?! the engine torque)": "fall back, hand back, give",

@@ -43,8 +43,8 @@ NAMED = (*LIBRARY, *PARAMETER_ERRORS, *SENSOR_ERRORS, UNKNOWN)
 
 
 def check_excluded(names: Sequence[str]) -> None:
-    """Raises InputError for a name that is no effect, which an examination would otherwise believe
-    excluded."""
+    """Raises InputError for a name that is no effect, which an examination would otherwise count
+    as excluded."""
     for name in names:
         if name not in NAMED:
             near = difflib.get_close_matches(name, NAMED, 1)
