@@ -6,11 +6,16 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-TYPES = get_typestore(Stores.ROS2_JAZZY)
+from deeptruck_model.recordings.bag_metadata import definition
+
+TWIST = "geometry_msgs/msg/TwistStamped"
+TYPES, ROS1 = get_typestore(Stores.ROS2_JAZZY), get_typestore(Stores.ROS1_NOETIC)
 Message = tuple[str, Any, int]  # topic, message, log time in ns
 S = 1_000_000_000
 
@@ -27,8 +32,8 @@ def twist(speed: float, ns: int, types: Any = TYPES, **extra: int) -> Any:
     return make(stamped(ns, types, **extra), types.types["geometry_msgs/msg/Twist"](moving, zero))
 
 
-def number(value: float) -> Any:
-    return TYPES.types["std_msgs/msg/Float64"](value)
+def number(value: float, types: Any = TYPES) -> Any:
+    return types.types["std_msgs/msg/Float64"](value)
 
 
 def bag_of(path: Path, messages: Iterable[Message], **options: Any) -> Path:
@@ -46,6 +51,38 @@ def bag_of(path: Path, messages: Iterable[Message], **options: Any) -> Path:
                 connections[topic] = writer.add_connection(topic, kind, typestore=TYPES)
             writer.write(connections[topic], log_ns, TYPES.serialize_cdr(message, kind))
     return path
+
+
+def mcap_of(
+    file: Path, messages: Iterable[Message], odd: tuple[str, str, str] | None = None, **options: Any
+) -> Path:
+    """Twists on /truck/twist by MCAP's own library; with a message on /odd of this name, encoding, schema."""
+    with file.open("wb") as stream:
+        writer = McapWriter(stream, **options)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema(TWIST, "ros2msg", definition(TWIST)[0].encode())
+        twists = writer.register_channel("/truck/twist", "cdr", schema)
+        for _, message, ns in messages:
+            writer.add_message(twists, ns, bytes(TYPES.serialize_cdr(message, TWIST)), ns)
+        if odd is not None:
+            name, encoding, text = odd
+            schema = writer.register_schema(name, encoding, text.encode()) if encoding else 0
+            kind = "cdr" if encoding.startswith("ros2") else "json"
+            writer.add_message(writer.register_channel("/odd", kind, schema), S, b"{}", S)
+        writer.finish()
+    return file
+
+
+def ros1_of(file: Path, messages: Iterable[Message]) -> Path:
+    """A ROS 1 bag of messages of ROS1 types."""
+    with Writer1(file) as writer:
+        topics: dict[str, Any] = {}
+        for topic, message, ns in messages:
+            kind = message.__msgtype__
+            if topic not in topics:
+                topics[topic] = writer.add_connection(topic, kind, typestore=ROS1)
+            writer.write(topics[topic], ns, ROS1.serialize_ros1(message, kind))
+    return file
 
 
 def drive_messages(topic: str = "/truck/twist", count: int = 300) -> list[Message]:

@@ -5,13 +5,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from foreign_bags import TYPES, Message, S, bag_of, drive_messages, number, stamped, twist
+from foreign_bags import (
+    ROS1,
+    TYPES,
+    Message,
+    S,
+    bag_of,
+    drive_messages,
+    mcap_of,
+    number,
+    ros1_of,
+    stamped,
+    twist,
+)
 from mcap.writer import CompressionType, IndexType
-from mcap.writer import Writer as McapWriter
-from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
 
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import Recording, read, write_bag
@@ -50,18 +59,7 @@ def test_bags_as_others_write_them(tmp_path: Path, options: dict[str, Any]) -> N
     ids=str,
 )
 def test_mcap_files_of_every_kind(tmp_path: Path, options: dict[str, Any]) -> None:
-    file = tmp_path / "drive.mcap"
-    with file.open("wb") as stream:
-        writer = McapWriter(stream, **options)
-        writer.start(profile="ros2")
-        kind = "geometry_msgs/msg/TwistStamped"
-        text = TYPES.generate_msgdef(kind, ros_version=2)[0]
-        schema = writer.register_schema(kind, "ros2msg", text.encode())
-        channel = writer.register_channel("/truck/twist", "cdr", schema)
-        for _, message, log_ns in drive_messages():
-            writer.add_message(channel, log_ns, bytes(TYPES.serialize_cdr(message, kind)), log_ns)
-        writer.finish()
-    check(read(file))
+    check(read(mcap_of(tmp_path / "drive.mcap", drive_messages(), **options)))
 
 
 def test_a_folder_called_as_a_ros1_bag(tmp_path: Path) -> None:
@@ -71,12 +69,9 @@ def test_a_folder_called_as_a_ros1_bag(tmp_path: Path) -> None:
 
 
 def test_a_ros1_bag(tmp_path: Path) -> None:
-    types = get_typestore(Stores.ROS1_NOETIC)
-    with Writer1(tmp_path / "drive.bag") as writer:
-        connection = writer.add_connection("/speed", "geometry_msgs/msg/TwistStamped", typestore=types)
-        for k in range(300):
-            message = twist(0.1 * k, S + k * S // 10, types, seq=k)
-            writer.write(connection, S + k * S // 10, types.serialize_ros1(message, message.__msgtype__))
+    times = [S + k * S // 10 for k in range(300)]
+    messages = [("/speed", twist(0.1 * k, ns, ROS1, seq=k), ns) for k, ns in enumerate(times)]
+    ros1_of(tmp_path / "drive.bag", messages)
     check(read(tmp_path / "drive.bag", topic_map={"speed": {"topic": "/speed", "field": "twist.linear.x"}}))
 
 

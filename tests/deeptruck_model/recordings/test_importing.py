@@ -105,34 +105,6 @@ def test_a_table_keeps_its_own_rate(tmp_path: Path) -> None:
     assert read(tmp_path / "bag")[0].dt == 0.1
 
 
-@pytest.mark.parametrize(
-    ("unit", "cells"),
-    [
-        ("s", ["0.5", "1.5", "2.5", "3.5"]),
-        ("ms", ["500", "1500", "2500", "3500"]),
-        ("us", ["0", "1e6", "2e6", "3e6"]),
-        ("ns", ["0", "1000000000", "2000000000", "3000000000"]),
-        ("min", [f"{k / 60:.15f}" for k in range(4)]),
-        ("iso", [f"2026-03-29 00:59:{57 + k}" for k in range(3)] + ["2026-03-29 01:00:00"]),
-        ("datetime", [f"2026-03-29T00:59:0{k}+02:00" for k in range(4)]),
-    ],
-)
-def test_clocks(tmp_path: Path, unit: str, cells: list[str]) -> None:
-    table = write_csv(tmp_path / "drive.csv", {"t": cells, "v": [1, 2, 3, 4]})
-    done = import_table(table, {"time": {"column": "t", "unit": unit}, "channels": SPEED}, tmp_path / "bag")
-    (recording,) = done.recordings
-    assert recording.dt == 1.0
-    np.testing.assert_allclose(recording.channels["speed"], [1, 2, 3, 4], atol=1e-9)
-
-
-def test_a_parquet_clock_of_timestamps(tmp_path: Path) -> None:
-    stamps = np.datetime64("2026-01-01T00:00:00", "ms") + np.arange(50) * 100
-    parquet.write_table(pa.table({"t": stamps, "v": np.arange(50.0)}), tmp_path / "drive.parquet")
-    columns = {"time": {"column": "t", "unit": "datetime"}, "channels": SPEED}
-    (recording,) = import_table(tmp_path / "drive.parquet", columns, tmp_path / "bag").recordings
-    assert recording.dt == 0.1 and len(recording) == 50
-
-
 def test_files_as_people_have_them(tmp_path: Path) -> None:
     """Lines before the header, semicolons, latin-1, decimal commas, blanks, strange cells, a cut-off row."""
     table = tmp_path / "drive.csv"

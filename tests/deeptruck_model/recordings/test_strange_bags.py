@@ -11,17 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from foreign_bags import TYPES, S, bag_of, drive_messages, number
-from mcap.writer import Writer
-from rosbags.rosbag1 import Writer as Writer1
+from foreign_bags import ROS1, TWIST, TYPES, S, bag_of, drive_messages, mcap_of, number, ros1_of
 from rosbags.rosbag2 import StoragePlugin
-from rosbags.typesys import Stores, get_typestore
 
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table, read, suggest
-from deeptruck_model.recordings.bag_metadata import definition
 
-TWIST = "geometry_msgs/msg/TwistStamped"
 TOPICS = {"speed": {"topic": "/truck/twist", "field": "twist.linear.x"}}
 
 
@@ -31,6 +26,7 @@ def check(bag: Path, **options: Any) -> None:
     assert recording.account is not None and recording.account.balanced
 
 
+OF_ROS1 = [("/speed", number(0.1 * k, ROS1), S + k * S // 10) for k in range(300)]
 UNREADABLE = {
     "service event": (
         "my/srv/Arm_Event",
@@ -51,19 +47,7 @@ UNREADABLE = {
 def test_a_definition_that_nobody_can_read_concerns_its_topic_alone(
     tmp_path: Path, kind: str, chunked: bool
 ) -> None:
-    name, encoding, text = UNREADABLE[kind]
-    file = tmp_path / "bag.mcap"
-    with file.open("wb") as stream:
-        writer = Writer(stream, use_chunking=chunked)
-        writer.start(profile="ros2", library="test")
-        schema = writer.register_schema(TWIST, "ros2msg", definition(TWIST)[0].encode())
-        twists = writer.register_channel("/truck/twist", "cdr", schema)
-        odd = writer.register_schema(name, encoding, text.encode()) if encoding else 0
-        others = writer.register_channel("/odd", "cdr" if encoding.startswith("ros2") else "json", odd)
-        for _, message, ns in drive_messages():
-            writer.add_message(twists, ns, bytes(TYPES.serialize_cdr(message, TWIST)), ns)
-        writer.add_message(others, S, b"{}", S)
-        writer.finish()
+    file = mcap_of(tmp_path / "bag.mcap", drive_messages(), UNREADABLE[kind], use_chunking=chunked)
     check(file)
     account = read(file, topic_map=TOPICS)[0].account
     assert account is not None and any("cannot be read on /odd" in line for line in account.remarks)
@@ -81,14 +65,7 @@ def test_parts_of_a_split_recording_are_read_without_metadata(
     messages = list(drive_messages())
     half = len(messages) // 2
     for name, part in zip(names, (messages[:half], messages[half:]), strict=True):
-        with (tmp_path / f"{name}.mcap").open("wb") as stream:
-            writer = Writer(stream)
-            writer.start("ros2")
-            schema = writer.register_schema(TWIST, "ros2msg", TYPES.generate_msgdef(TWIST)[0].encode())
-            twists = writer.register_channel("/truck/twist", "cdr", schema)
-            for _, message, ns in part:
-                writer.add_message(twists, ns, bytes(TYPES.serialize_cdr(message, TWIST)), ns)
-            writer.finish()
+        mcap_of(tmp_path / f"{name}.mcap", part)
     if says:
         with pytest.raises(InputError, match=says):
             read(tmp_path, topic_map=TOPICS)
@@ -170,13 +147,7 @@ def test_what_is_in_a_journal_counts(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("hole", [b"\0" * 49, b"\xff" * 100, b"\0" * 4096, b"\x07" * 3, b"op=\x05" * 9])
 def test_unused_bytes_before_the_index_of_a_ros1_bag(tmp_path: Path, hole: bytes) -> None:
-    store = get_typestore(Stores.ROS1_NOETIC)
-    file = tmp_path / "drive.bag"
-    with Writer1(file) as writer:
-        topic = writer.add_connection("/speed", "std_msgs/msg/Float64", typestore=store)
-        for k in range(300):
-            value = store.types["std_msgs/msg/Float64"](0.1 * k)
-            writer.write(topic, S + k * S // 10, store.serialize_ros1(value, "std_msgs/msg/Float64"))
+    file = ros1_of(tmp_path / "drive.bag", OF_ROS1)
     content = bytearray(file.read_bytes())
     field = content.index(b"index_pos=") + 10
     at = int.from_bytes(content[field : field + 8], "little")
@@ -194,13 +165,7 @@ def test_unused_bytes_before_the_index_of_a_ros1_bag(tmp_path: Path, hole: bytes
 @pytest.mark.parametrize("broken", ["chunk", "index"])
 def test_a_record_of_a_ros1_bag_that_is_longer_than_the_file_is_refused(tmp_path: Path, broken: str) -> None:
     """Both are found by the summary at the end alone, which is whole."""
-    store = get_typestore(Stores.ROS1_NOETIC)
-    file = tmp_path / "drive.bag"
-    with Writer1(file) as writer:
-        topic = writer.add_connection("/speed", "std_msgs/msg/Float64", typestore=store)
-        for k in range(300):
-            value = store.types["std_msgs/msg/Float64"](0.1 * k)
-            writer.write(topic, S + k * S // 10, store.serialize_ros1(value, "std_msgs/msg/Float64"))
+    file = ros1_of(tmp_path / "drive.bag", OF_ROS1)
     content = bytearray(file.read_bytes())
 
     def behind(at: int) -> int:
@@ -218,16 +183,7 @@ def test_a_record_of_a_ros1_bag_that_is_longer_than_the_file_is_refused(tmp_path
 
 @pytest.mark.parametrize("kept", [{}, {"use_statistics": False}, {"repeat_schemas": False}])
 def test_a_summary_that_does_not_repeat_its_channels(tmp_path: Path, kept: dict[str, Any]) -> None:
-    file = tmp_path / "bag.mcap"
-    with file.open("wb") as stream:
-        writer = Writer(stream, chunk_size=2048, repeat_channels=False, **kept)
-        writer.start(profile="ros2", library="test")
-        schema = writer.register_schema(TWIST, "ros2msg", definition(TWIST)[0].encode())
-        channel = writer.register_channel("/truck/twist", "cdr", schema)
-        for _, message, ns in drive_messages():
-            writer.add_message(channel, ns, bytes(TYPES.serialize_cdr(message, TWIST)), ns)
-        writer.finish()
-    check(file)
+    check(mcap_of(tmp_path / "bag.mcap", drive_messages(), chunk_size=2048, repeat_channels=False, **kept))
 
 
 def test_an_unfinished_bag_is_called_so_by_import_too(tmp_path: Path) -> None:

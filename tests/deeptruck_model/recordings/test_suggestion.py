@@ -159,6 +159,7 @@ def test_by_words_and_range(tmp_path: Path, topic: str, value: float, channel: s
 def test_the_same_type_means_what_its_topic_says(tmp_path: Path, topic: str, channel: str) -> None:
     _, found = proposed(tmp_path, every(topic, lambda k, ns: twist(SPEED[k], ns)))
     assert set(found.candidates) == ({channel} if channel else set())
+    assert bool(found.commanded) == (not channel)
 
 
 def test_positions_and_accelerations_of_sensors(tmp_path: Path) -> None:

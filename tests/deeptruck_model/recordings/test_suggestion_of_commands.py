@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from foreign_bags import S, bag_of, twist
+from foreign_bags import S
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -269,12 +269,6 @@ def test_words_anywhere_say_command(
     found = suggested(tmp_path / "bag", {topic: (kind, values)})
     assert [one.field.path for one in found.candidates.get("speed", [])] == ([measured] if measured else [])
     assert {path for path in values if path != measured} <= set_points(found)
-
-
-def test_a_commanded_twist_of_a_known_type(tmp_path: Path) -> None:
-    messages = [("/target/twist", twist(float(v), S + k), S + k * S // 10) for k, v in enumerate(RAMP)]
-    found = suggest(bag_of(tmp_path / "bag", messages))
-    assert not found.candidates and set_points(found) == {"twist.linear.x"}
 
 
 def test_the_table_of_types_is_sound() -> None:

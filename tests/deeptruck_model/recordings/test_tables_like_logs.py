@@ -232,25 +232,3 @@ def test_reading_is_linear_in_rows_whatever_the_header(tmp_path: Path) -> None:
             read_table(path)
         seconds.append(time.process_time() - begin)
     assert seconds[1] < 40 * max(seconds[0], 0.02)  # ten times the rows; a hundred by the square
-
-
-def test_one_value_a_row(tmp_path: Path) -> None:
-    columns = drive()
-    lines = ["time_s,signal,value"]
-    for k in range(600):
-        lines.append(f"{columns['t'][k]},Speed (km/h),{columns['v'][k]}")
-        lines += [f"{columns['t'][k]},Throttle (%),{columns['gas'][k]}"] if k % 2 == 0 else []
-    (path := tmp_path / "t.csv").write_text("\n".join(lines) + "\n")
-    (r,) = proposed(path, tmp_path)
-    np.testing.assert_allclose(r.channels["speed"], columns["v"] / 3.6, rtol=1e-9)
-    np.testing.assert_allclose(r.channels["engine_command"][::2], columns["gas"][::2], rtol=1e-9)
-    assert r.account is not None and r.account.balanced
-    assert "900 rows with one value each made 600 of 2 columns" in r.account.remarks
-
-
-def test_a_value_that_is_held_has_its_own_rate(tmp_path: Path) -> None:
-    columns = drive()
-    columns["v"] = np.repeat(columns["v"][::10], 10)
-    (r,) = import_table(write_csv(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag").recordings
-    assert r.dt == 1.0 and np.abs(r.channels["acceleration"]).max() < 1.5
-    assert any("speed is renewed every 10 rows" in note for note in r.notes)

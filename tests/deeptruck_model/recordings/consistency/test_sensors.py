@@ -268,18 +268,6 @@ def test_codes_for_not_available_are_no_commands(tmp_path: Path) -> None:
             assert r.account is not None and r.account.channels[command].left_out == 60
 
 
-@pytest.mark.parametrize("cure", [{"scale": -1}, None])
-def test_the_cures_of_a_turned_accelerometer_cure(tmp_path: Path, cure: dict[str, Any] | None) -> None:
-    columns = drive()
-    path = write_csv(tmp_path / "t.csv", {**columns, "a": -columns["a"]})
-    with pytest.raises(InputError, match=r"wrong sign.*'scale: -1', or leave acceleration out"):
-        import_table(path, with_channels(acceleration=ACCELERATION), tmp_path / "bag")
-    assert not (tmp_path / "bag").exists()
-    meaning = with_channels(acceleration={**ACCELERATION, **cure}) if cure else COLUMNS
-    (r,) = import_table(path, meaning, tmp_path / "bag").recordings
-    np.testing.assert_allclose(r.channels["acceleration"][1:-1], columns["a"][1:-1], atol=0.12)
-
-
 def test_what_is_proposed_is_turned_and_a_lateral_sensor_is_not_proposed(tmp_path: Path) -> None:
     columns = drive()
     headers = {"Time (s)": columns["t"], "Speed (km/h)": columns["v"], "LatAcc (g)": np.sin(columns["t"]),

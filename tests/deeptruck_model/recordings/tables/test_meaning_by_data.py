@@ -143,6 +143,7 @@ def test_a_value_held_for_a_varying_number_of_rows_is_read_where_it_is_renewed(t
     v = np.round(3.6 * speed(0.1 * np.r_[0, renewed][at + (renewed[0] <= np.arange(1200))]), 2)
     rows = {"t": t, "v": v, "gas": 0 * t, "brake": 0 * t}
     (r,) = import_table(write_csv(tmp_path / "drive.csv", rows), COLUMNS, tmp_path / "bag").recordings
+    assert any("speed is renewed every" in note for note in r.notes)
     assert 0.9 < r.dt < 1.2 and np.nanmax(np.abs(r.channels["acceleration"])) < 1.5
     coarse = {"t": T, "v": np.round(V), "gas": D["gas"], "brake": D["brake"]}
     (r,) = import_table(write_csv(tmp_path / "coarse.csv", coarse), COLUMNS, tmp_path / "coarse").recordings
@@ -253,6 +254,8 @@ def test_one_value_a_row(head: str, row: str, by_name: bool, tmp_path: Path) -> 
     meaning = read(suggest_columns(tmp_path / "d.csv").text())
     (r,) = import_table(tmp_path / "d.csv", meaning, tmp_path / "bag").recordings
     assert r.channels["speed"] == pytest.approx(speed(T), abs=0.01)
+    assert r.account is not None and r.account.balanced
+    assert "1200 rows with one value each made 600 of 2 columns" in r.account.remarks
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,9 @@ def times(path: Path, time: dict[str, Any], **more: Any) -> np.ndarray[Any, Any]
         (lambda d: f"{(d - datetime(1899, 12, 30, tzinfo=UTC)) / timedelta(days=1):.10f}", {"unit": "days"}),
         (lambda d: f"{d.timestamp():.3f}", {"unit": "s"}),
         (lambda d: f"{int(d.timestamp() * 1000 + 0.5)}", {"unit": "ms"}),
+        (lambda d: f"{d.timestamp() * 1e6:.12e}", {"unit": "us"}),
+        (lambda d: f"{(d - DATES[0]) / timedelta(minutes=1):.12f}", {"unit": "min"}),
+        (lambda d: f"{d.isoformat().replace('+00:00', '')}+02:00", {"unit": "datetime"}),
     ],
 )
 def test_the_same_times_however_they_are_written(tmp_path: Path, write: Any, time: dict[str, Any]) -> None:

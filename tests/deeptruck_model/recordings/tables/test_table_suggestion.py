@@ -362,15 +362,6 @@ def test_what_is_no_table(tmp_path: Path, content: str, says: str) -> None:
         suggest_columns(tmp_path / "drive.csv")
 
 
-def test_one_value_a_row_becomes_columns(tmp_path: Path) -> None:
-    names = ["Vehicle speed", "Engine RPM"] * 600
-    columns = {"SECONDS": TIME, "PID": names, "VALUE": SPEED, "UNITS": ["km/h", "rpm"] * 600}
-    found = suggest_columns(written(tmp_path / "drive.csv", columns, delimiter=";"))
-    assert "pivot: {name: PID, value: VALUE}" in found.text()
-    assert proposed(found) == {"speed": "Vehicle speed", "engine_speed": "Engine RPM"}
-    assert {one.unit for c in proposed(found) if (one := found.taken(c))} == {"km/h", "rpm"}
-
-
 def meant(name: str) -> str:
     """The channel that a header alone may be, with '!' for a command; '' for none."""
     found = header(name)
