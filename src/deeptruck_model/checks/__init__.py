@@ -6,42 +6,24 @@ from collections.abc import Callable, Iterable
 
 from deeptruck_core.errors import InputError, MisfitsError
 from deeptruck_core.vehicle_kinds import UNSTATED
-from deeptruck_model.checks.bags import (
-    EXTRA_KEY,
-    INTERFACE_KEY,
-    MAGIC,
-    METADATA,
-    NOTES_KEY,
-    RECORD_AGAIN,
-    BagFacts,
-    Clock,
-    bag,
-)
+from deeptruck_model.checks.bags import METADATA, Clock, bag
 from deeptruck_model.checks.simulators import (
     KINDS,
     MANIFEST,
     SCHEMES,
     WEIGHTS,
-    SimulatorFacts,
     by_scheme,
     manifest,
     simulator,
 )
 
 __all__ = [
-    "EXTRA_KEY",
-    "INTERFACE_KEY",
     "KINDS",
-    "MAGIC",
     "MANIFEST",
     "METADATA",
-    "NOTES_KEY",
-    "RECORD_AGAIN",
     "SCHEMES",
     "WEIGHTS",
-    "BagFacts",
     "Clock",
-    "SimulatorFacts",
     "bag",
     "by_scheme",
     "every",

@@ -20,8 +20,17 @@ from mcap.records import Metadata
 
 from deeptruck_core import reading
 from deeptruck_core.errors import InputError
-from deeptruck_model.checks import EXTRA_KEY, INTERFACE_KEY, METADATA, NOTES_KEY, RECORD_AGAIN
-from deeptruck_model.checks.bags import check_folder, data_file, information_of, parts
+from deeptruck_model.checks.bags import (
+    EXTRA_KEY,
+    INTERFACE_KEY,
+    METADATA,
+    NOTES_KEY,
+    RECORD_AGAIN,
+    check_folder,
+    data_file,
+    information_of,
+    parts,
+)
 from deeptruck_model.recordings import bag_file
 from deeptruck_model.recordings.bag_file import DamagedError, TornError
 from deeptruck_model.recordings.bag_storage import open_storages

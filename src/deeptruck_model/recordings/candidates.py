@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -115,6 +115,21 @@ class Proposal:
     SOURCE: ClassVar[str] = "topic"
     BLANK: ClassVar[str] = "topic: /TOPIC, field: FIELD"
 
+    def meant(self, path: str, topic: Topic | None = None) -> str:
+        """What a field or column is listed as, behind its name and range; '' for nothing."""
+        known, set_points = (
+            [
+                one
+                for several in kind.values()
+                for one in several
+                if one.topic is topic and one.field.path == path
+            ]
+            for kind in (self.candidates, self.commanded)
+        )
+        if set_points:
+            return f"  commanded {set_points[-1].channel}"
+        return f"  {known[-1].channel}, {known[-1].unit or 'unit not known'}" if known else ""
+
     def taken(self, channel: str) -> Candidate | None:
         """The proposed candidate; None if there is none, or if its unit is not known."""
         found = self.candidates.get(channel, [])
@@ -184,6 +199,20 @@ class Proposal:
     def absent(self, channel: str) -> str:
         """A remark on why an optional channel has no candidate, if there is anything to say."""
         return ""
+
+
+def by_channel(
+    ones: Iterable[Candidate],
+) -> tuple[dict[str, list[Candidate]], dict[str, list[Candidate]]]:
+    """Candidates of each channel, most probable first, and set points of those that must be measured."""
+    candidates: dict[str, list[Candidate]] = {}
+    commanded: dict[str, list[Candidate]] = {}
+    for one in ones:
+        set_point = one.role is Role.COMMANDED and one.channel not in DEMANDS and one.sure != OURS
+        (commanded if set_point else candidates).setdefault(one.channel, []).append(one)
+    for several in (*candidates.values(), *commanded.values()):
+        several.sort(key=lambda one: one.order)
+    return candidates, commanded
 
 
 def span(field: Field) -> str:

@@ -177,7 +177,7 @@ def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> No
                 present = ", ".join(sorted(topics)) or "none"
                 raise InputError(
                     f"{bag.path} has no topic {source.topic} for '{channel}' (topics there: {present}); "
-                    "name yours in a topic map"
+                    "name yours in a topic map, --topic-map FILE: 'deeptruck-model suggest' proposes one"
                 )
         elif why := bag.why_unreadable(source.topic):
             raise InputError(

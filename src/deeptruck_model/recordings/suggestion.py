@@ -21,6 +21,7 @@ from deeptruck_model.recordings.candidates import (
     TYPE,
     Candidate,
     Proposal,
+    by_channel,
     rate,
     span,
 )
@@ -62,16 +63,11 @@ class Suggestion(Proposal):
 
     def listing(self) -> list[str]:
         """Every topic and field with its range and the channels it may be, one line each."""
-        likely = {id(one.field): one for several in self.candidates.values() for one in several}
-        commanded = {id(one.field): one.channel for several in self.commanded.values() for one in several}
         lines = []
         for topic in self.survey.topics:
             lines.append("  ".join(map(plain, (topic.name, topic.msgtype, topic.why or rate(topic)))))
             for field in topic.fields:
-                one = likely.get(id(field))
-                channel = f"  {one.channel}, {one.unit or 'unit not known'}" if one else ""
-                channel = f"  commanded {commanded[id(field)]}" if id(field) in commanded else channel
-                lines.append(f"  {plain(field.path)}  {span(field)}{channel}")
+                lines.append(f"  {plain(field.path)}  {span(field)}{self.meant(field.path, topic)}")
         return lines
 
     def absent(self, channel: str) -> str:
@@ -90,22 +86,15 @@ def suggest(bag: str | Path, msg: Sequence[str | Path] = ()) -> Suggestion:
     Raises InputError if the bag is missing, damaged or empty.
     """
     found = survey(bag, msg)
-    candidates: dict[str, list[Candidate]] = {}
-    commanded: dict[str, list[Candidate]] = {}
-    for topic in found.topics:
-        for field in topic.fields:
-            one = _candidate(topic, field, found.interface)
-            if one is not None:
-                set_point = one.role is Role.COMMANDED and one.channel not in DEMANDS and one.sure != OURS
-                (commanded if set_point else candidates).setdefault(one.channel, []).append(one)
+    every = (_candidate(topic, field, found.interface) for topic in found.topics for field in topic.fields)
+    candidates, commanded = by_channel(filter(None, every))
     axes: list[Candidate] = []
     for kind in ("acceleration", "specific_force"):
         measured = [one for one in candidates.get(kind, []) if one.sure != OURS]
         others_of = [other for one in measured for axis in "yz" if (other := _along(one, axis)) is not None]
         candidates.get(kind, []).extend(others_of)
+        candidates.get(kind, []).sort(key=lambda one: one.order)
         axes += others_of
-    for several in (*candidates.values(), *commanded.values()):
-        several.sort(key=lambda one: one.order)
     proposal = Suggestion(candidates, commanded, found)
     chosen = [one for several in candidates.values() for one in several]
     chosen += [o for one in candidates.get("speed", []) if (o := _along(one, "y")) is not None]

@@ -249,12 +249,6 @@ def test_a_twist_that_was_never_filled_is_no_speed(tmp_path: Path) -> None:
         read(bag, topic_map={"speed": {"topic": "/odom", "field": "twist.twist.linear.x"}})
 
 
-def test_what_is_no_bag_is_one_line(tmp_path: Path) -> None:
-    (tmp_path / "drive.mcap").write_bytes(b"\x89MCAP0\r\n and no more")
-    with pytest.raises(InputError, match="cannot be read as a bag"):
-        suggest(tmp_path / "drive.mcap")
-
-
 def test_words_of_names() -> None:
     assert words("/vehicle/BrakeCmd_2") == {"vehicle", "brake", "cmd"}
     assert words("engineRPM") == {"engine", "rpm"}

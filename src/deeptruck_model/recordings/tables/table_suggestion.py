@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from deeptruck_core.reading import plain
 from deeptruck_core.signals import CHANNELS
-from deeptruck_model.recordings.candidates import DEMANDS, Candidate, Proposal, span, yaml_text
+from deeptruck_model.recordings.candidates import Candidate, Proposal, by_channel, span, yaml_text
 from deeptruck_model.recordings.channel_words import (
     named_channels,
 )
 from deeptruck_model.recordings.consistency.proposals import settled
-from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.schemas import EXTRA
 from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.tables.column_meanings import (
@@ -138,14 +137,9 @@ class TableSuggestion(Proposal):
 
     def listing(self) -> list[str]:
         """Every column with its range and the channels it may be, one line each."""
-        likely = {one.field.path: one for several in self.candidates.values() for one in several}
-        asked = {one.field.path: one.channel for several in self.commanded.values() for one in several}
         lines = []
         for name, column in self.table.columns.items():
-            one = likely.get(name)
-            said = f"  {one.channel}, {one.unit or 'unit not known'}" if one else ""
-            said = f"  commanded {asked[name]}" if name in asked else said
-            said = "  time" if name in self.clock.columns else said
+            said = "  time" if name in self.clock.columns else self.meant(name)
             values = column.values if column.is_numbers else np.zeros(0)
             lines.append(f"{plain(name) or '(no name)'}  {span(Field.of(name, values))}{said}")
         return lines
@@ -188,13 +182,8 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
         any(one.unit for one in speeds),
     )
     meanings = compared([one for one in meanings if one.column.name not in clock.columns], clock, table)
-    candidates: dict[str, list[Candidate]] = {}
-    commanded: dict[str, list[Candidate]] = {}
-    for one in sorted(meanings, key=lambda one: -round(one.column.filled, 1)):
-        set_point = one.role is Role.COMMANDED and one.channel not in DEMANDS
-        (commanded if set_point else candidates).setdefault(one.channel, []).append(one.candidate)
-    for several in (*candidates.values(), *commanded.values()):
-        several.sort(key=lambda one: one.order)
+    fullest = sorted(meanings, key=lambda one: -round(one.column.filled, 1))
+    candidates, commanded = by_channel(one.candidate for one in fullest)
     found = TableSuggestion(candidates, commanded, table, form, clock, key, pivot)
     seconds, at = np.unique(clock.seconds if clock.seconds is not None else np.zeros(0), return_index=True)
     at = at[np.isfinite(seconds)]
