@@ -7,11 +7,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from deeptruck_core.pages.marked import put_between_marks
 from deeptruck_core.signals import CHANNELS
+from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS, SENSOR_ERRORS
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings.not_recorded import INPUTS
 from deeptruck_model.recordings.units import canonical_units
 from deeptruck_nodes import parameters
@@ -27,6 +30,10 @@ def tables() -> dict[tuple[str, str], str]:
     fuel = columns["properties"]["channels"]["properties"]["fuel_rate"]  # its entry has every key but `part`
     both = fuel["properties"] | topics["properties"]["engine_command"]["properties"]
     return {
+        ("mismatch_rules.md", "rules"): table("rule | value | unit | means | source", rule_rows()),
+        ("mismatch_effects.md", "effects"): table(
+            "effect | family | equation | varies with | needs | source | would be separated by", effect_rows()
+        ),
         ("topics.md", "topics"): table("topic | type | rate | content", map(topic_row, TOPICS.values())),
         ("parameters.md", "parameters"): "\n\n".join(map(node_section, parameters.schema())),
         ("columns.md", "keys"): table("key | means", described(columns["properties"])),
@@ -49,6 +56,35 @@ def table(heads: str, rows: Iterable[str]) -> str:
     """A Markdown table of rows that are written as `a | b | c`."""
     rule = " | ".join("---" for _ in heads.split(" | "))
     return "\n".join(f"| {row} |" for row in (heads, rule, *rows))
+
+
+def rule_rows() -> Iterator[str]:
+    """The rules of the mismatch tool with their values."""
+    for rule in fields(Rules):
+        value = rule.default if isinstance(rule.default, tuple) else (rule.default,)
+        numbers, of = ", ".join(f"{x:g}" for x in value), rule.metadata
+        yield f"`{rule.name}` | {numbers} | {of['unit']} | {of['means']} | {of['source']}"
+
+
+def effect_rows() -> Iterator[str]:
+    """Every name that a finding can have: mechanisms, sensor faults, parameters, unknown."""
+    for m in LIBRARY.values():
+        name = f"`{m.effect}`{' (measurement)' * (m.kind == 'measurement_fault')}"
+        yield row(
+            name, m.family, m.equation, ", ".join(m.depends_on), ", ".join(m.needs), m.source, m.manoeuvre
+        )
+    for f in SENSOR_ERRORS.values():
+        how = ("speed, acceleration", f.needs, "kinematics", "move the truck by a known distance")
+        yield row(f"`{f.name}` (measurement)", f.family, f.equation, *how)
+    for p in PARAMETER_ERRORS.values():
+        how = ("always", "engine, brake, speed", "definition", p.manoeuvre)
+        yield row(f"`{p.name}` (parameter)", p.family, f"{p.says}; {p.unit}", *how)
+    yield row("`unknown`", "", "F follows none of these", "", "any", "", "vary one signal alone")
+
+
+def row(*cells: str) -> str:
+    """Cells in which a bar is no border."""
+    return " | ".join(cell.replace("|", "\\|") for cell in cells)
 
 
 def topic_row(topic: Topic) -> str:
@@ -111,6 +147,13 @@ def takes(entry: Schema) -> str:
     return f"{entry['minimum']:g} to {entry['maximum']:g}"
 
 
+def put(page: Path, mark: str, text: str) -> None:
+    """Replace what is between the marks of a page."""
+    begin, end = f"<!-- {mark}: begin -->", f"<!-- {mark}: end -->"
+    before, _, rest = page.read_text(encoding="utf-8").partition(begin)
+    page.write_text(f"{before}{begin}\n{text}\n{end}{rest.partition(end)[2]}", encoding="utf-8")
+
+
 if __name__ == "__main__":
     for (page, mark), text in tables().items():
-        put_between_marks(HERE / page, mark, text)
+        put(HERE / page, mark, text)

@@ -1,18 +1,13 @@
 """Every number that decides the verdict, with its unit and source.
 
 Physical limits of vehicles are in vehicle_kinds.py. Numbers that control a computation (grids, iterations,
-smoothing) are next to their code and listed by the tests. `python -m deeptruck_model.mismatch.rules` updates
-the table of docs/mismatch_rules.md.
+smoothing) are next to their code and listed by the tests. docs/mismatch_rules.md has the table.
 """
 
 from __future__ import annotations
 
-import sys
-from dataclasses import dataclass, field, fields
-from pathlib import Path
-from typing import Any, TypeVar
-
-from deeptruck_core.pages.marked import put_between_marks
+from dataclasses import dataclass, field
+from typing import TypeVar
 
 SENSORS = "ordinary sensors"
 TRUCKS = "what trucks do"
@@ -322,26 +317,3 @@ class Limits:
         "times that a road was driven, below which nothing position-dependent is identifiable",
         CHOSEN,
     )
-
-
-def table() -> str:
-    """One row for each rule: name, value, unit, meaning and source."""
-    rows = [
-        f"| `{f.name}` | {_number(f.default)} | {f.metadata['unit']} | {f.metadata['means']} "
-        f"| {f.metadata['source']} |"
-        for f in fields(Rules)
-    ]
-    return "\n".join(["| rule | value | unit | means | source |", "| --- | --- | --- | --- | --- |", *rows])
-
-
-def _number(x: Any) -> str:
-    return ", ".join(f"{value:g}" for value in (x if isinstance(x, tuple) else (x,)))
-
-
-def put_into(page: Path) -> bool:
-    """Replace the table between the marks of a page; returns whether the page changed."""
-    return put_between_marks(page, "rules", table())
-
-
-if __name__ == "__main__":
-    put_into(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/mismatch_rules.md"))

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 
-from deeptruck_model.mismatch import rules
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
 from deeptruck_model.mismatch.rules import Limits, Rules
@@ -140,11 +139,6 @@ def test_only_one_file_names_a_verdict() -> None:
         if any(f"Conclusion.{word}" in p.read_text() for word in ("NOTHING", "UNDETERMINED", "PHYSICS"))
     ]
     assert set(naming) == {"decide.py", "lines.py"}  # the second words it
-
-
-def test_the_page_has_the_rules() -> None:
-    page = (ROOT / "docs" / "mismatch_rules.md").read_text(encoding="utf-8")
-    assert rules.table() in page
 
 
 ABOUT_ONE_EFFECT = (
