@@ -1,5 +1,5 @@
 """Writes the tables of pages that the source has, between their marks `<!-- NAME: begin -->` and
-`<!-- NAME: end -->`: `make schemas`, after the schemas.
+`<!-- NAME: end -->`, and j1939_signals.csv: `make schemas`, after the schemas.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ from deeptruck_model.recordings.not_recorded import INPUTS
 from deeptruck_model.recordings.units import canonical_units
 from deeptruck_nodes import parameters
 from deeptruck_nodes.topics import TOPICS, Topic
+from truck_bridge.j1939.codec import Layout, Signal, load
 
 HERE = Path(__file__).parent
+SIGNALS = "message,PGN,period,signal,SPN,position,bits,unit,resolution,offset,lowest,highest"
 Schema = dict[str, Any]
 
 
@@ -147,6 +149,25 @@ def takes(entry: Schema) -> str:
     return f"{entry['minimum']:g} to {entry['maximum']:g}"
 
 
+def signals() -> str:
+    """The signals of the DBC, as CSV."""
+    layouts = load().by_name.values()
+    return "\n".join([SIGNALS, *(signal_row(one, s) for one in layouts for s in one.signals.values())]) + "\n"
+
+
+def signal_row(layout: Layout, signal: Signal) -> str:
+    """A signal of a message; byte and bit count from 1."""
+    byte, bit = divmod(signal.start, 8)
+    position = f"{byte + 1}.{bit + 1}" if signal.bits < 8 else f"{byte + 1}"
+    if signal.bits > 8:
+        position += f"-{byte + signal.bits // 8}"
+    period = f"{layout.period_s * 1e3:g} ms" if layout.period_s else "on request or change"
+    number = (f"{signal.scale:.8g}", f"{signal.offset:g}", f"{signal.offset:g}")
+    highest = f"{signal.offset + signal.scale * signal.last:.7g}"
+    where = (signal.name, str(signal.spn or "own"), position, str(signal.bits), signal.unit or "-")
+    return ",".join((layout.name, str(layout.pgn), period, *where, *number, highest))
+
+
 def put(page: Path, mark: str, text: str) -> None:
     """Replace what is between the marks of a page."""
     begin, end = f"<!-- {mark}: begin -->", f"<!-- {mark}: end -->"
@@ -157,3 +178,4 @@ def put(page: Path, mark: str, text: str) -> None:
 if __name__ == "__main__":
     for (page, mark), text in tables().items():
         put(HERE / page, mark, text)
+    (HERE / "j1939_signals.csv").write_text(signals(), encoding="utf-8")
