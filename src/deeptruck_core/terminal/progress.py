@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 A_MINUTE_S = 60.0
 QUIET_S = 2.0  # a log shows no step before: what refuses its input does so by one line
+SCRIPT_QUIET_S = 10.0  # the same of a Python call, of which there may be many
 LEAST_STEPS, LEAST_SHARE = 10, 0.02  # done before the time left is estimated: first steps compile
 
 
@@ -154,11 +155,11 @@ def _begun(step: str) -> str:
 @contextmanager
 def steps(say: Callable[[str], None] | None, first: str) -> Iterator[Callable[[str], None]]:
     """The function to which a Python call reports its steps: `say`; without it a terminal, and
-    elsewhere lines on stderr once it takes longer than a minute."""
+    elsewhere lines on stderr once it takes longer than SCRIPT_QUIET_S."""
     if say is not None:
         yield say
     else:
-        with progress(first, quiet_s=A_MINUTE_S) as shown:
+        with progress(first, quiet_s=SCRIPT_QUIET_S) as shown:
             yield shown
 
 

@@ -212,7 +212,7 @@ def adapt(
     """
     folders.APPLIED.check(out, overwrite=overwrite)
     apart(out, Path(simulator), recording)
-    with folders.APPLIED.replacing(out, overwrite=overwrite) as draft, progress("reading"):
+    with folders.APPLIED.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
         from deeptruck_model import recordings as rec
         from deeptruck_model import simulators
         from deeptruck_model.mismatch import adapt as adapted_to
@@ -222,7 +222,8 @@ def adapt(
             [recording], topic_map=topic_map, rate_hz=1.0 / truck.dt, clock=clock, msg=msg or ()
         )
         show_accounts(pieces)
-        found = adapted_to(truck, pieces, first_s)
+        say("driving the simulator along the recording")
+        found = adapted_to(truck, pieces, first_s, say=say)
         found.truck.save(draft)
     print(f"this drive's own, from {found.own.seconds:.0f} s of it: {found.own}; simulator in {out}")
 

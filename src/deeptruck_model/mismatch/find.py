@@ -19,11 +19,12 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
 from deeptruck_model.mismatch.mechanisms.families import check_excluded, joined
 from deeptruck_model.mismatch.mechanisms.own import check_extras, checked, not_compared
 from deeptruck_model.mismatch.posterior.budget import budget
-from deeptruck_model.mismatch.posterior.events import without_events
+from deeptruck_model.mismatch.posterior.events import with_events
 from deeptruck_model.mismatch.posterior.names import Compared, names
+from deeptruck_model.mismatch.posterior.own_error import with_own_error
 from deeptruck_model.mismatch.posterior.posterior import gains
 from deeptruck_model.mismatch.posterior.regression import Regression
-from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters, with_own_error
+from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives, Span, prepare_drives
 from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.report.found import Mismatch
@@ -146,7 +147,7 @@ def compared(
 
     say(COMPARING)
     search = at_fitted_parameters(simulator, drives, e, seed, exclude, say)
-    p, events = without_events(search, seed)
+    p, events = with_events(search, seed)
     parameters = dict(simulator.parameters())
     remarks = (
         *_caveats(simulator, search.e),

@@ -235,6 +235,12 @@ class Limits:
         "model-form error, of the standard deviation of the lasting residual",
         CHOSEN,
     )
+    law_error: float = _rule(
+        0.005,
+        "1",
+        "of the gain of the best name, which is added to the evidence temperature: laws are approximate too",
+        CHOSEN,
+    )
     least_ratio: float = _rule(
         0.5,
         "1",

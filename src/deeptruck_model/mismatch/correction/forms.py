@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term, confined, merge
-from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, conditions
+from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Where, conditions
 from deeptruck_model.mismatch.mechanisms.families import UNKNOWN
 from deeptruck_model.mismatch.mechanisms.record import Mechanism
-from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
 from deeptruck_model.mismatch.posterior.names import Named
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
@@ -53,7 +52,8 @@ def named_forces(p: Posterior, found: Sequence[Named], e: Evidence) -> dict[str,
         name = named.name
         if not (named.accepted and named.lasts and name in library) or p.is_parameter(name):
             continue
-        force, options = named.force, _options(p, library[name], general=True)
+        force = named.force
+        options = _options(p, library[name], force, general=True)
         if not options:
             continue
         term = functools.reduce(merge, _forms(p.search, options, force))
@@ -72,13 +72,15 @@ def nameless_terms(p: Posterior, stated: Set[str], e: Evidence) -> list[Candidat
     these, and what follows no mechanism."""
     picked: list[CandidateTerm] = []
     library = [m for m in p.search.library if m.effect not in stated]
-    options = {m.effect: _options(p, m, general=True) for m in library}
     for m in library:
-        if p.inside(m.effect).mean() >= Limits.least_in and options[m.effect]:
-            picked += _forms(p.search, options[m.effect], p.force(m.effect, p.inside(m.effect)))
+        if p.inside(m.effect).mean() >= Limits.least_in:
+            force = p.force(m.effect, p.inside(m.effect))
+            if options := _options(p, m, force, general=True):
+                picked += _forms(p.search, options, force)
     if p.inside(UNKNOWN).mean() >= Limits.least_in:
         force = p.force(UNKNOWN, p.inside(UNKNOWN))
-        best = [t for own in options.values() if own for t in _forms(p.search, own, force)]
+        each = ([t for t in p.search.candidate_terms(m) if t.general] for m in library)
+        best = [t for own in each if own for t in _forms(p.search, own, force)]
         known = {id(t) for t in picked}
         picked += [t for t in _forms(p.search, best, force) if id(t) not in known] if best else []
     return [anew(t, e) for t in _by_mechanism(picked)]
@@ -87,11 +89,12 @@ def nameless_terms(p: Posterior, stated: Set[str], e: Evidence) -> list[Candidat
 def simplest_terms(p: Posterior, e: Evidence) -> list[CandidateTerm]:
     """For every mechanism that may act, the one form, perhaps of single drives, whose sizes a finding states,
     on evidence `e`."""
-    picked = [
-        _simplest(p.search, options, p.force(m.effect, p.inside(m.effect)))
-        for m in p.search.library
-        if p.inside(m.effect).mean() >= Limits.least_in and (options := _options(p, m, general=False))
-    ]
+    picked = []
+    for m in p.search.library:
+        if p.inside(m.effect).mean() >= Limits.least_in:
+            force = p.force(m.effect, p.inside(m.effect))
+            if options := _options(p, m, force, general=False):
+                picked.append(_simplest(p.search, options, force))
     return [anew(t, e) for t in picked]
 
 
@@ -110,27 +113,36 @@ def _by_mechanism(picked: Sequence[CandidateTerm]) -> Iterator[CandidateTerm]:
         yield functools.reduce(merge, terms)
 
 
-def _options(p: Posterior, m: Mechanism, *, general: bool) -> list[CandidateTerm]:
-    """Candidate terms of a mechanism, or those alone that apply to any drive; where it may act in one
-    condition only, each of its laws in every condition too."""
+def _options(p: Posterior, m: Mechanism, force: Array, *, general: bool) -> list[CandidateTerm]:
+    """Candidate terms of a mechanism, or those alone that apply to any drive; where none of them is nearly
+    its force (n,), each of its laws in every condition too. Beside a learned simulator there are no
+    conditions, on which its own errors depend as well."""
     out = [t for t in p.search.candidate_terms(m) if not general or t.general]
-    if p.part(m.effect, CONDITIONAL) >= Limits.least_in:
-        laws = [t for t in out if t.variants[0].course == ALWAYS and not t.reruns]
-        out += [confined(t, where, p.search.e) for t in laws for where in conditions(p.search.e)]
+    if out and p.search.e.model_discrepancy == 0:
+        left, squares = _left(p.search, out, force)
+        if left.min() > Limits.simpler * squares:
+            laws = [t for t in out if t.variants[0].course == ALWAYS and not t.reruns]
+            out += [confined(t, where, p.search.e) for t in laws for where in conditions(p.search.e)]
     return out
+
+
+def _left(search: Regression, options: Sequence[CandidateTerm], force: Array) -> tuple[Array, float]:
+    """Sums of squares (terms,) of a force (n,) that each term leaves, and its own."""
+    gram, pull, squares, own = _products(search, options, force)
+    return np.array([squares - _explained(gram, pull, a) for a in own]), squares
 
 
 def _simplest(search: Regression, options: Sequence[CandidateTerm], force: Array) -> CandidateTerm:
     """The candidate term with the fewest coefficients, among those that explain a force (n,) nearly as well
-    as the best one, and of these the one whose coefficients are nearest their prior; findings state its
-    sizes."""
+    as the best one, and of these one that acts always and whose coefficients are nearest their prior;
+    findings state its sizes."""
     gram, pull, squares, own = _products(search, options, force)
     left = np.array([squares - _explained(gram, pull, a) for a in own])
     good = np.flatnonzero(left <= left.min() + Limits.simpler * squares)
 
-    def far(k: int) -> float:
+    def far(k: int) -> tuple[bool, float]:
         off = (_solved(gram, pull, own[k]) - options[k].prior.mean) / np.maximum(options[k].prior.sd, 1e-12)
-        return float(off @ off)
+        return isinstance(options[k].variants[0].course, Where), float(off @ off)
 
     return options[min(good, key=lambda k: (len(own[k]), far(k)))]
 

@@ -7,7 +7,7 @@ signals.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,15 +17,16 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.errors import InputError
+from deeptruck_core.terminal.progress import steps
 from deeptruck_core.vehicle_kinds import STEEPEST
 from deeptruck_model.checks import calls
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.live.questions import Own, Quantity, State
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, candidate_term, variant
 from deeptruck_model.mismatch.posterior.kernels import Kernel
+from deeptruck_model.mismatch.posterior.own_error import with_own_error
 from deeptruck_model.mismatch.posterior.posterior import DRIFT_ODDS, Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
-from deeptruck_model.mismatch.posterior.relinearise import with_own_error
 from deeptruck_model.mismatch.prepare.drives import clean, same_signals
 from deeptruck_model.mismatch.prepare.prepared import Prepared, learned, prepare
 from deeptruck_model.mismatch.prepare.sensors import acceleration_is_measured
@@ -83,8 +84,10 @@ def adapt(
     first_s: float = FIRST_S,
     *,
     rules: Rules = Rules(),
+    say: Callable[[str], None] | None = None,
 ) -> Adapted:
     """Adapt the simulator to a drive, of which the recordings are the pieces, by its first `first_s` seconds.
+    `say` is called with each step; without it a terminal shows them.
 
     The simulator may be named as for `load`, the drive by the path of its bag. Raises InputError if they do
     not belong together, or if too little of the drive can be compared.
@@ -92,7 +95,7 @@ def adapt(
     calls.number(first_s, "first_s", "s")
     simulator = completed(simulator)
     recordings = known(recordings, rate_hz=1.0 / simulator.dt)
-    with threadpool_limits(1):
+    with threadpool_limits(1), steps(say, "driving the simulator along the recording"):
         own = own_of(simulator, begin(simulator, recordings, first_s), rules)
     if own is None:
         raise InputError(

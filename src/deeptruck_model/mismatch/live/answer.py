@@ -53,7 +53,7 @@ def _found(question: Question) -> NamesReply | Own:
     with threadpool_limits(1):
         if not question.adapts:
             return name(simulator, recordings)
-        return adapt(simulator, recordings, question.adapts).own
+        return adapt(simulator, recordings, question.adapts, say=lambda step: None).own
 
 
 @lru_cache(maxsize=2)

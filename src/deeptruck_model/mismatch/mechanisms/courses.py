@@ -27,7 +27,6 @@ from deeptruck_model.mismatch.rules import Limits
 
 Along = Literal["elapsed", "distance"]
 
-MANY_TERMS = 20.0  # trials of a spline: it can stand in for much else, and is penalised for that
 SLOW_KNOT_S = (20.0, 40.0)  # shortest and longest distance of the finer knots
 COARSER = 3.0
 SLOW_SIZES = (0.025, 0.1)  # m/s^2 sd of a force that is time-varying
@@ -49,11 +48,6 @@ class Course:
         return None
 
     @property
-    def trials(self) -> float:
-        """Number of alternatives from which it was selected."""
-        return 1.0
-
-    @property
     def varies_in_time(self) -> bool:
         """Whether it has knots in time or along the road, and can therefore represent any slow force."""
         return False
@@ -73,17 +67,12 @@ ALWAYS = Course()
 
 @dataclass(frozen=True)
 class FromMoment(Course):
-    """A factor of 0 until `after_s` (s) in recording `first` of `count`, and of 1 afterwards. It is one of
-    `moments` candidates. In simulations of other drives the factor is 1 throughout."""
+    """A factor of 0 until `after_s` (s) in recording `first` of `count`, and of 1 afterwards. In simulations
+    of other drives the factor is 1 throughout."""
 
     first: int
     after_s: float
     count: int
-    moments: int
-
-    @property
-    def trials(self) -> float:
-        return float(self.moments)
 
     def factors(self) -> Iterator[tuple[str, Expression]]:
         later: Expression = InRecording(self.first, from_s=self.after_s, elsewhere=1.0)
@@ -135,10 +124,6 @@ class Spline(Course):
         return self.size
 
     @property
-    def trials(self) -> float:
-        return MANY_TERMS
-
-    @property
     def varies_in_time(self) -> bool:
         return True
 
@@ -161,21 +146,16 @@ class Spline(Course):
 @dataclass(frozen=True)
 class Where(Course):
     """One where a signal exceeds `above`, or is below it if `below`, and zero elsewhere, with a smooth change
-    over `width`, both in the signal's unit; one of `alternatives`."""
+    over `width`, both in the signal's unit."""
 
     signal: str
     above: float
     width: float
     below: bool
-    alternatives: int
 
     def __post_init__(self) -> None:
         if self.signal not in CONDITIONS or not self.width > 0.0:
             raise ValueError(f"{self.signal!r} within {self.width} is no condition")
-
-    @property
-    def trials(self) -> float:
-        return float(self.alternatives)
 
     @property
     def expression(self) -> Expression:
@@ -236,12 +216,12 @@ def conditions(e: Evidence) -> list[Where]:
         if len(x):
             low, *borders, high = np.quantile(x, [0.05, 1.0 / 3.0, 2.0 / 3.0, 0.95])
             out += [
-                Where(signal, float(border), SOFT * float(high - low), below, 0)
+                Where(signal, float(border), SOFT * float(high - low), below)
                 for border in borders
                 for below in (False, True)
                 if low < border < high
             ]
-    return [replace(where, alternatives=len(out)) for where in out]
+    return out
 
 
 def _starts(e: Evidence) -> set[int]:
@@ -253,7 +233,7 @@ def _from_each(points: set[int], e: Evidence, most: int | None = None) -> Iterat
     inner = inner[:: max(1, len(inner) // most)] if most else inner
     record, elapsed = e.record, e["elapsed"]
     for p in inner:
-        yield FromMoment(int(record[p]), float(elapsed[p]), len(e.drives), len(inner))
+        yield FromMoment(int(record[p]), float(elapsed[p]), len(e.drives))
 
 
 def slowly(largest: float, along: Along = "elapsed", *, quick: bool = True) -> Offer:

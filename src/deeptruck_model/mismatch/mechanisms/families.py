@@ -35,7 +35,7 @@ def joined(mechanisms: Sequence[Mechanism]) -> None:
         LIBRARY.own[m.effect], FAMILY[m.effect] = m, m.family
 
 
-LEFT_OVER, EACH_DRIVE, SLOW, PLACE = "left_over", "each_drive", "slow", "place"
+LEFT_OVER, EACH_DRIVE, SLOW, PLACE, EVENT = "left_over", "each_drive", "slow", "place", "event"
 SENSORS = "sensors"
 HIDDEN = "unrecorded:brake"
 PARTS = (*NAMES, PLACE, EACH_DRIVE, SLOW, HIDDEN, UNKNOWN, LEFT_OVER)  # of the budget

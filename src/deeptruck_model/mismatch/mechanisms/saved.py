@@ -10,6 +10,7 @@ from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, COURSES, Course
 from deeptruck_model.mismatch.mechanisms.record import Curve, Mechanism, Variant
 
 CURVE = {"at": tuple, "scale": float}
+RETIRED = ("moments", "alternatives")  # of courses, which earlier versions saved
 
 
 def to_json(v: Variant) -> dict[str, Any]:
@@ -41,7 +42,7 @@ def variant_of(mechanism: Mechanism, saved: Any) -> Variant:
 
 
 def _course(saved: dict[str, Any]) -> Course:
-    kind = COURSES[saved["kind"]]
+    kind, saved = COURSES[saved["kind"]], {name: x for name, x in saved.items() if name not in RETIRED}
     course = json_data.from_json(kind, saved)
     if saved.keys() != {"kind", *vars(course)} or any(x != x for x in vars(course).values()):
         raise ValueError(f"{saved} is no {kind.__name__}")

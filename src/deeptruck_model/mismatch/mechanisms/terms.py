@@ -18,7 +18,6 @@ from deeptruck_model.mismatch.residual.noise import Prior
 
 Array = NDArray[np.float64]
 
-CURVE_TRIALS = 3.0  # a curve is one of so many more terms in which its mechanism is looked for
 ACTING = 0.1  # of the carrier's largest: where it says little no knot is worth having
 NEAREST = 0.04  # of the whole way, between knots
 LEAST_ROWS = 50
@@ -34,7 +33,6 @@ class CandidateTerm:
     parts: tuple[Column, ...]
     columns: Array
     prior: Prior
-    trials: float  # how many alternatives it was picked from; paid for in evidence
 
     @property
     def varies_in_time(self) -> bool:
@@ -183,16 +181,13 @@ def merge(first: CandidateTerm, other: CandidateTerm) -> CandidateTerm:
         first.parts + other.parts,
         np.concatenate([first.columns, other.columns], axis=1),
         Prior.join(first.prior, prior),
-        first.trials * other.trials,
     )
 
 
 def candidate_terms(mechanism: Mechanism, e: Evidence) -> list[CandidateTerm]:
     """Every candidate term of a mechanism on this evidence, except those that are zero throughout."""
     made = [candidate_term(mechanism, variant, e) for variant in every_variant(mechanism, e)]
-    made = [s for s in made if np.abs(s.columns[e.valid]).max(initial=0.0) > 1e-6]
-    count = distinct(made, e)
-    return [replace(s, trials=s.trials * count) for s in made]
+    return [s for s in made if np.abs(s.columns[e.valid]).max(initial=0.0) > 1e-6]
 
 
 def candidate_term(mechanism: Mechanism, variant: Variant, e: Evidence) -> CandidateTerm:
@@ -200,9 +195,7 @@ def candidate_term(mechanism: Mechanism, variant: Variant, e: Evidence) -> Candi
     parts = build(mechanism, (variant,))
     columns = np.stack(rows_of([p.expression for p in parts], e), axis=1)
     prior = Prior(*(np.array([getattr(p, f) for p in parts], dtype=float) for f in ("mean", "sd", "sign")))
-    curve = isinstance(mechanism.forms[variant.form], Curve)
-    trials = CURVE_TRIALS if curve else variant.course.trials
-    return CandidateTerm(mechanism, (variant,), tuple(parts), columns, prior, trials)
+    return CandidateTerm(mechanism, (variant,), tuple(parts), columns, prior)
 
 
 def confined(term: CandidateTerm, where: Where, e: Evidence) -> CandidateTerm:
@@ -213,20 +206,4 @@ def confined(term: CandidateTerm, where: Where, e: Evidence) -> CandidateTerm:
         variants=tuple(replace(v, course=where) for v in term.variants),
         parts=tuple(replace(part, expression=part.expression * factor) for part in term.parts),
         columns=term.columns * factor.rows(e)[:, None],
-        trials=term.trials * where.trials,
     )
-
-
-def distinct(made: Sequence[CandidateTerm], e: Evidence) -> float:
-    """Effective number of different forces among a mechanism's terms, for the penalty on alternatives.
-
-    Nearly equal terms count as one: the exponential of the entropy of the eigenvalues of their correlation
-    matrix (the effective rank of Roy and Vetterli, EUSIPCO 2007), over every fifth row.
-    """
-    if len(made) < 2:
-        return 1.0
-    rows = np.flatnonzero(e.valid)[::5]
-    forces = np.stack([s.columns[rows] @ (np.abs(s.prior.mean) + s.prior.sd) for s in made])
-    forces /= np.linalg.norm(forces, axis=1, keepdims=True) + 1e-12
-    share = np.maximum(np.linalg.eigvalsh(forces @ forces.T) / len(made), 1e-12)
-    return float(np.exp(-np.sum(share * np.log(share))))

@@ -10,20 +10,27 @@ largest gain is compared with that of noise of the fitted model along the same d
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from deeptruck_core.json_data import HIDDEN, stored
-from deeptruck_model.mismatch.mechanisms.families import FAMILY
+from deeptruck_model.mismatch.mechanisms.families import EVENT, FAMILY
 from deeptruck_model.mismatch.posterior.fitted import narrowed
-from deeptruck_model.mismatch.posterior.kernels import LAWS, UNKNOWN, VARYING, Kernel, kernels, without
+from deeptruck_model.mismatch.posterior.kernels import (
+    IN_EVENTS,
+    LAWS,
+    UNKNOWN,
+    VARYING,
+    Kernel,
+    kernels,
+    within,
+    without,
+)
 from deeptruck_model.mismatch.posterior.posterior import Posterior, first_look, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES
@@ -49,6 +56,7 @@ NULLS = 40  # simulated residuals
 SPREADS = 4  # of them, from which the filters' spread in noise is known
 MOST = 50  # events
 AT_ANY_TIME = (LAWS, VARYING)  # parts of the forces that are sought in windows
+MOST_OF = 0.5  # of an event's speed change, that its cause makes
 
 
 @dataclass(frozen=True)
@@ -67,20 +75,48 @@ class Event:
     stop: int = field(default=0, metadata=HIDDEN)
 
 
-def without_events(search: Regression, seed: int) -> tuple[Posterior, tuple[Event, ...]]:
-    """The posterior of what acts always, and the events.
+def with_events(search: Regression, seed: int) -> tuple[Posterior, tuple[Event, ...]]:
+    """The posterior, and the events. The rows of events are in its draws, and left out of its `search`.
 
-    A first look estimates the noise and says which laws' constants are fitted; a posterior finds the events;
-    then the rows of events are left out.
+    A first look estimates the noise and says which laws' constants are fitted; a posterior of what acts
+    always finds the events; then what acts in these alone may be in beside it.
     """
     look = first_look(search, seed=seed)
     search = narrowed(look)
-    first = posterior(search, seed=seed, noise=look.noise)
-    happened = events(first, seed)
+    p = posterior(search, seed=seed, noise=look.noise)
+    happened = events(p, seed)
     if not happened:
-        return first, ()
-    always = without(search, rows_of(happened, len(search.e)))
-    return with_causes(posterior(always, seed=seed, noise=first.noise), happened, seed)
+        return p, ()
+    rows = rows_of(happened, len(search.e))
+    innovations = np.where(rows, 0.0, p.noise.innovations)  # an event is no outlier
+    noise = replace(p.noise, innovations=innovations)
+    p = posterior(search, _in_events(search, happened), seed=seed, noise=noise)
+    named = tuple(replace(x, name=_cause(p, x)) for x in happened)
+    return replace(p, search=without(search, rows)), named
+
+
+def _in_events(search: Regression, happened: Sequence[Event]) -> list[Kernel]:
+    """Blocks that are confined to events: a force of its own in each, which has no name; and the laws of each
+    mechanism in all of those that change the speed by as much as a finding."""
+    n, least = len(search.e), search.rules.drift
+    anything = next(k for k in kernels(search) if k.name == UNKNOWN)
+    own = [within(replace(anything, name=EVENT, part=EVENT), rows_of([x], n), search) for x in happened]
+    large = rows_of([x for x in happened if abs(x.speed_change) >= least], n)
+    each = [k for k in kernels(search) if k.part == LAWS and k.name != UNKNOWN]
+    return [*own, *(within(replace(k, part=IN_EVENTS), large, search) for k in each if large.any())]
+
+
+def _cause(p: Posterior, x: Event) -> str | None:
+    """The name, or else the family, that causes an event in most draws; None if there is none."""
+    names: dict[str, Mask] = {}
+    for j, k in enumerate(p.of):
+        if k.part == IN_EVENTS:
+            change = p.coefficients(j) @ k.features[x.start : x.stop].sum(axis=0) * p.search.e.dt
+            acts = change * x.speed_change >= MOST_OF * x.speed_change**2
+            names[k.name] = names.get(k.name, np.zeros_like(acts)) | acts
+    for n, acts in [*names.items()]:
+        names[FAMILY[n]] = names.get(FAMILY[n], np.zeros_like(acts)) | acts
+    return next((n for n, acts in names.items() if acts.mean() >= p.search.rules.stated), None)
 
 
 def rows_of(happened: Sequence[Event], n: int) -> Mask:
@@ -99,46 +135,6 @@ def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:
     """
     e = p.search.e.everywhere()
     return find_events(_left_over(p, e), p.noise, kernels(p.search), e.drives, e.dt, seed)
-
-
-def with_causes(
-    p: Posterior, happened: Sequence[Event], seed: int = 0
-) -> tuple[Posterior, tuple[Event, ...]]:
-    """The posterior with what acts in the events, and the events with their names.
-
-    In each draw either each event has a cause of its own, or all have one, whose force acts in these and at
-    no other time: a block that is confined to one window, or to all of them. Every block has the prior odds
-    of its mechanism, so that several causes must gain what one more block costs.
-    """
-    left = _left_over(p, p.search.e.everywhere())
-    windows = [slice(x.start, x.stop) for x in happened]
-    mechanisms = [k for k in kernels(p.search) if k.part in AT_ANY_TIME]
-    each = [_log_odds(left, p.noise, mechanisms, [rows]) for rows in windows]
-    named = tuple(
-        replace(x, name=_stated(own, p.search.rules.stated)) for x, own in zip(happened, each, strict=True)
-    )
-    matters = max((abs(x.speed_change) for x in happened), default=0.0) >= p.search.rules.drift
-    if len(happened) < 2 or not matters:
-        return p, named
-    one = _log_odds(left, p.noise, mechanisms, windows)
-    apart = sum(float(logsumexp([*own.values()])) for own in each)
-    total = logsumexp([apart, *one.values()])
-    chances = np.exp(np.array([apart, *one.values()]) - total)
-    drawn = np.random.default_rng(seed).choice(len(chances), len(p.draws.states), p=chances / chances.sum())
-    causes = {n: drawn == k for k, n in enumerate(one, start=1) if n != UNKNOWN and (drawn == k).any()}
-    force = np.where(rows_of(happened, len(left.y)), left.y, 0.0)
-    return replace(p, causes=causes, in_events=force), named
-
-
-def _stated(logs: Mapping[str, float], least: float) -> str | None:
-    """The name, or else the family, that causes an event with at least this probability, given that something
-    does; None if there is none."""
-    total = logsumexp([*logs.values()])
-    names = {n: float(np.exp(x - total)) for n, x in logs.items() if n != UNKNOWN}
-    families: dict[str, float] = {}
-    for n, p in names.items():
-        families[FAMILY[n]] = families.get(FAMILY[n], 0.0) + p
-    return next((n for n, p in (*names.items(), *families.items()) if p >= least), None)
 
 
 def _left_over(p: Posterior, e: Evidence) -> Series:
@@ -380,43 +376,6 @@ class _Null:
     def exceeded_by(self, count: float) -> float:
         """The gain that noise is expected to exceed `count` times."""
         return float(self.mode - self.width * np.log(count))
-
-
-def _log_odds(
-    series: Series, noise: Fit, kernels: Sequence[Kernel], windows: Sequence[slice]
-) -> dict[str, float]:
-    """Log posterior odds of every name, for the residual in some windows of rows together, in which alone its
-    force acts: those of a block of the sampler."""
-    usable, n = series.usable(), len(series.y)
-    near = [np.arange(rows.start, min(rows.stop + ORDER, n)) for rows in windows]
-    near = [rows[usable[rows]] for rows in near]
-    weights = [1.0 / (series.relative[rows] * noise.sigma) for rows in near]
-
-    def whitened(x: NDArray[Any]) -> Array:
-        out = []
-        for rows, own, weight in zip(windows, near, weights, strict=True):
-            part = slice(max(rows.start - ORDER, 0), rows.stop + ORDER)  # all that their whitening reads
-            inside = np.nan_to_num(x[part])
-            inside[: rows.start - part.start] = 0.0
-            inside[rows.stop - part.start :] = 0.0
-            out.append(whiten(inside, noise.ar, own - part.start, weight))
-        return np.concatenate(out)
-
-    y, rules = whitened(series.y), series.rules
-    logs: dict[str, list[float]] = {}
-    for k in kernels:
-        each = _gains(y, whitened(k.features)) / rules.evidence_temperature - np.log(len(SIZES))
-        logs.setdefault(k.name, []).append(float(logsumexp(each)) + np.log(rules.odds * k.chance))
-    return {name: float(logsumexp(x)) for name, x in logs.items()}
-
-
-def _gains(y: Array, X: Array) -> Array:
-    """Log evidence (sizes,), nats over noise, of features (m, k) with coefficients N(0, size^2)."""
-    left, values, _ = np.linalg.svd(X, full_matrices=False)
-    power, along = values**2, (left.T @ y) * values
-    return np.array(
-        [0.5 * np.sum((s * along) ** 2 / (1.0 + s**2 * power) - np.log1p(s**2 * power)) for s in SIZES]
-    )
 
 
 @entry

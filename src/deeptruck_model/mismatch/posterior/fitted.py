@@ -104,7 +104,7 @@ def _without_names(p: Posterior, state: State) -> State:
 def _in_doubt(p: Posterior) -> list[tuple[str, State]]:
     """Names that may act in the place of a block of the most probable state, those that gain most of what it
     does first, each with what else is in."""
-    r, unit = p.draws.space, p.search.rules.evidence_temperature
+    r, unit = p.draws.space, p.draws.unit
     state, _ = most_probable(r, unit, r.log_odds)
     library = {m.effect for m in p.search.library}
     best: dict[str, tuple[float, State]] = {}

@@ -2,7 +2,9 @@
 
 A name's kernel is the prior covariance of its force, averaged over its candidate terms: it permits any
 mixture of them, so that a law between two of the library's forms loses little (a Gaussian process in a
-truncated basis).
+truncated basis). No law is exact: its force times smooth functions of common signals belongs to the name too,
+a model discrepancy (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001) in proportion to what the name does.
+What a law leaves of its own force thus needs no second name.
 """
 
 from __future__ import annotations
@@ -16,20 +18,20 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_terms
-from deeptruck_model.mismatch.mechanisms.courses import Spline, conditions
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, Mechanism, candidate_terms
+from deeptruck_model.mismatch.mechanisms.courses import Spline
 from deeptruck_model.mismatch.mechanisms.record import Variant
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression
-from deeptruck_model.mismatch.residual.expression import rows_of
 from deeptruck_model.mismatch.rules import Limits
 
 Array = NDArray[np.float64]
 
 UNKNOWN = "unknown"
-LAW, NARROWED, IN_TIME, IN_CONDITION, UNNAMED = 16, 24, 48, 16, 40  # leading directions kept of a kernel
-LAWS, VARYING, CONDITIONAL = "law", "in time", "in one condition"  # parts of a name's forces
-FORCES = ("brakes", "engine_driveline", "air_tyres_road")  # families whose sizes may depend on conditions
-LEADING = 5  # directions of a law whose sizes may depend on conditions
+LAW, WITH_ERROR, IN_TIME, WITHIN, UNNAMED = 16, 32, 48, 5, 40  # leading directions kept of a kernel
+LAWS, VARYING, IN_EVENTS = "law", "in time", "in events"  # parts of a name's forces
+FORCES = ("brakes", "engine_driveline", "air_tyres_road")  # families whose laws are off in proportion
+LEADING = 5  # directions of a law that may be off
+OFF = 0.3  # prior sd of the factor by which they are
 CARRIERS = {
     "engine": 0.15,
     "brake": 0.15,
@@ -37,7 +39,14 @@ CARRIERS = {
     "simulated": 0.1,
 }  # share of each that no name explains
 ALL_THE_TIME = 0.05  # m/s^2, and a force that acts always
-VARIABLES = ("speed", "grade", "engine", "brake", "elapsed", "ratio")  # of which the shares are functions
+STATES = (
+    "speed",
+    "grade",
+    "engine",
+    "elapsed",
+    "ratio",
+)  # of which the error of a law is a function, times its force
+VARIABLES = (*STATES, "brake")  # of which the shares are functions
 CHUNK = 4096  # rows that are multiplied at once
 TINY = 1e-7  # of the largest power: a direction that has less is rounding
 
@@ -72,6 +81,12 @@ def without(search: Regression, rows: NDArray[np.bool_]) -> Regression:
     return other
 
 
+def within(k: Kernel, rows: NDArray[np.bool_], search: Regression) -> Kernel:
+    """A kernel that acts in some rows (n,) alone."""
+    features = _thin(np.where(rows[:, None], k.features, 0.0), search, WITHIN)
+    return replace(k, features=features, sign=None if k.sign is None else np.where(rows, k.sign, 0.0))
+
+
 def narrow(
     search: Regression,
     features: Mapping[str, Array],
@@ -80,23 +95,21 @@ def narrow(
 ) -> Regression:
     """The same regression, whose kernels of the laws of some names are `features` (n, k) and the kernel as it
     was at the prior `coarse`; the fitted `terms` are candidate terms of their mechanisms."""
-    other, gates = copy(search), _gates(search)
+    other = copy(search)
     other.fitted, other._candidate_terms = dict(terms), {}
     made: list[Kernel] = []
     for k in kernels(search):
         if k.name in features and k.part == LAWS:
-            both = np.concatenate([features[k.name], k.features * coarse], axis=1)
-            k = replace(k, features=_thin(both, search, NARROWED))
-        elif k.name in features and k.part == CONDITIONAL:
-            k = _in_condition(search, next(x for x in made if x.name == k.name), gates)
+            law = replace(k, features=np.concatenate([features[k.name], k.features * coarse], axis=1))
+            own = next(m for m in search.library if m.effect == k.name)
+            k = _with_error(search, replace(law, features=_thin(law.features, search, WITH_ERROR)), own)
         made.append(k)
     _made[other] = tuple(made)
     return other
 
 
 def _kernels(search: Regression) -> tuple[Kernel, ...]:
-    where = _gates(search)
-    found = [k for m in search.library for k in _of_terms(search, candidate_terms(m, search.e), where)]
+    found = [k for m in search.library for k in _of_terms(search, candidate_terms(m, search.e))]
     parameters = [
         Kernel(
             p,
@@ -112,37 +125,31 @@ def _kernels(search: Regression) -> tuple[Kernel, ...]:
     )
 
 
-def _gates(search: Regression) -> Array:
-    """Conditions by which the size of an effect may differ, and one for everywhere, (n, c); empty for a
-    learned simulator, because its training errors also depend on conditions."""
-    e = search.e
-    if e.model_discrepancy != 0:
-        return np.zeros((len(e), 0))
-    made = [where.expression for where in conditions(e) if not where.below]
-    return np.stack([np.ones(len(e)), *rows_of(made, e)], axis=1)
-
-
-def _of_terms(search: Regression, terms: Sequence[CandidateTerm], gates: Array) -> list[Kernel]:
-    """One kernel of a name's constant terms, one of these with sizes that depend on all conditions at once,
-    and one of its terms that vary in time; terms may be in any order."""
+def _of_terms(search: Regression, terms: Sequence[CandidateTerm]) -> list[Kernel]:
+    """One kernel of a name's constant terms with their error, and one of its terms that vary in time; terms
+    may be in any order."""
     terms = sorted(terms, key=lambda t: repr(t.variants))
     laws = [t for t in terms if not t.varies_in_time]
     varying = [t for t in terms if t.varies_in_time]
     out = []
     if laws:
-        out.append(_kernel(search, laws, LAW))
-        if gates.shape[1] and laws[0].mechanism.family in FORCES:
-            out.append(_in_condition(search, out[0], gates))
+        out.append(_with_error(search, _kernel(search, laws, LAW), laws[0].mechanism))
     if varying:
         own = _kernel(search, varying, IN_TIME)
         out.append(replace(own, chance=own.chance * Limits.not_always, part=VARYING))
     return out
 
 
-def _in_condition(search: Regression, law: Kernel, gates: Array) -> Kernel:
-    products = law.features[:, :LEADING, None] * gates[:, None, :].astype(np.float32)
-    features = _thin(products.reshape(len(products), -1), search, IN_CONDITION)
-    return replace(law, features=features, chance=law.chance * Limits.not_always, part=CONDITIONAL)
+def _with_error(search: Regression, law: Kernel, m: Mechanism) -> Kernel:
+    """The kernel of a law, and its leading directions times functions of common signals. Beside a learned
+    simulator laws alone are compared, because its own errors have such shapes too."""
+    if m.family not in FORCES or search.e.model_discrepancy != 0:
+        return law
+    off = np.stack(_functions_of(STATES, search), axis=1)
+    off *= OFF / np.sqrt(np.mean(np.sum(off[search.rows] ** 2, axis=1)))
+    products = law.features[:, :LEADING, None] * off[:, None, :].astype(np.float32)
+    both = np.concatenate([law.features, products.reshape(len(off), -1)], axis=1)
+    return replace(law, features=_thin(both, search, WITH_ERROR))
 
 
 def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int) -> Kernel:
@@ -195,13 +202,17 @@ def _anything(search: Regression) -> Array:
     e = search.e
     known = [np.nan_to_num(e[n]) * share for n, share in CARRIERS.items() if n in e.signals]
     carriers = np.stack([np.full(len(e), ALL_THE_TIME), *known], axis=1)
-    over = np.stack([f for n in VARIABLES if n in e.signals for f in _functions(e[n], search.rows)], axis=1)
+    over = np.stack(_functions_of(VARIABLES, search), axis=1)
     products = (carriers[:, :, None] * over[:, None, :]).reshape(len(e), -1)
     out = np.concatenate([carriers, products], axis=1) / 2.0
     if search.parameters:  # whose forces have names
         own = np.nan_to_num(np.stack([e.sensitivity[p] for p in search.parameters], axis=1))
         out -= own @ np.linalg.lstsq(own[search.rows], out[search.rows], rcond=None)[0]
     return out
+
+
+def _functions_of(names: Sequence[str], search: Regression) -> list[Array]:
+    return [f for n in names if n in search.e.signals for f in _functions(search.e[n], search.rows)]
 
 
 def _functions(x: Array, rows: NDArray[np.intp]) -> list[Array]:

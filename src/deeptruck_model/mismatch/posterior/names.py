@@ -102,7 +102,7 @@ class Named:
     force: Array
     accepted: bool = True
     given: Mask = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    lasts: bool = True  # else it is the cause of events, whose force it has
+    lasts: bool = True  # else it acts in events alone
 
 
 @dataclass(frozen=True)
@@ -129,10 +129,11 @@ def names(p: Posterior) -> Names:
     probable enough to be stated the one first whose force adds up to the larger speed error.
 
     A name stands for those that act in its place: the ones that are in more often without it than with it.
-    It is an effect if the probability that any of these acts is `rules.named` or more.
+    It is an effect if the probability that any of one family of these acts is `rules.named` or more: many
+    names of which none is probable are none.
     """
     rules = p.search.rules
-    acts = {n: p.acts(n) for n in dict.fromkeys(k.name for k in p.of) if n not in NO_NAME}
+    acts = {n: p.inside(n) for n in dict.fromkeys(k.name for k in p.of) if n not in NO_NAME}
     left = {n: x for n, x in acts.items() if x.mean() >= Limits.rare}
     whole = tree_of(left)
     found: list[Named] = []
@@ -143,10 +144,10 @@ def names(p: Posterior) -> Names:
         name = max(first, key=size) if len(first) > 1 else first[0]
         there = left[name]
         place = {n: x for n, x in left.items() if n == name or (x & ~there).sum() > (x & there).sum()}
-        if float(np.any(list(place.values()), axis=0).mean()) < rules.named:
-            break
-        found.append(_named(p, name, tree_of(place)))
         left = {n: x for n, x in left.items() if n not in place}
+        tree = tree_of(place)
+        if max(tree.families.values()) >= rules.named:
+            found.append(_named(p, name, tree))
     none = float((~np.any(list(acts.values()), axis=0)).mean()) if acts else 1.0
     return Names(_together(p, found), _explanations(acts), whole, none)
 
@@ -154,22 +155,19 @@ def names(p: Posterior) -> Names:
 def _together(p: Posterior, found: Sequence[Named]) -> tuple[Named, ...]:
     """The effects with their forces in the draws in which all accepted ones act together, so that these add
     up to one explanation; in those of each name if these are too few."""
-    lasting = [f.name for f in found if f.accepted and p.inside(f.name).any()]
-    together = np.all([p.inside(name) for name in lasting], axis=0) if lasting else np.zeros(0, dtype=bool)
-    if not lasting or together.mean() < Limits.least_in:
+    accepted = [f.name for f in found if f.accepted]
+    together = np.all([p.inside(name) for name in accepted], axis=0) if accepted else np.zeros(0, dtype=bool)
+    if not accepted or together.mean() < Limits.least_in:
         return tuple(found)
     return tuple(
-        replace(f, force=p.force(f.name, together) if f.lasts else f.force, given=together)
-        if f.name in lasting
-        else f
-        for f in found
+        replace(f, force=p.force(f.name, together), given=together) if f.accepted else f for f in found
     )
 
 
 def _speed_error(p: Posterior, name: str) -> float:
     """Speed error (rms, m/s) that the mean force of a name adds up to within the longest free runs."""
     e = p.search.e
-    force = np.where(e.valid, _force(p, name)[0], 0.0)
+    force = np.where(e.everywhere().valid & ~e.held_out, p.force(name, p.inside(name)), 0.0)
     window = max(1, round(Limits.horizons_s[0] / e.dt))
     parts = [force[at : min(at + window, s.stop)] for s in e.drives for at in range(s.start, s.stop, window)]
     return float(np.sqrt(np.mean(np.concatenate([np.cumsum(x) * e.dt for x in parts]) ** 2)))
@@ -189,18 +187,11 @@ def tree_of(acts: Mapping[str, Mask]) -> Tree:
 def _named(p: Posterior, name: str, tree: Tree) -> Named:
     """For a learned simulator a name is accepted only from probability `stated` on, and with more gain than
     any name has on the simulator's own recordings."""
-    force, always, lasts = _force(p, name)
+    acts, force = p.inside(name), p.force(name, p.inside(name))
+    lasts = bool(p.lasts(name).sum() >= 0.5 * acts.sum())
     sure = max(tree.families.values()) >= p.search.rules.stated
     accepted = p.search.e.known_physics or (sure and p.gain(name) > _own_gain(p))
-    return Named(name, tree, p.gain(name), force, accepted, always, lasts)
-
-
-def _force(p: Posterior, name: str) -> tuple[Array, Mask, bool]:
-    """Mean force (n,) of a name in the draws in which it acts all along, these draws, and true; or else what
-    it causes in the events, m/s^2, and false."""
-    always, acts = p.inside(name), p.acts(name)
-    lasts = bool(always.sum() >= (acts & ~always).sum())
-    return p.force(name, always) if lasts else p.in_events, always, lasts
+    return Named(name, tree, p.gain(name), force, accepted, acts, lasts)
 
 
 def _own_gain(p: Posterior) -> float:

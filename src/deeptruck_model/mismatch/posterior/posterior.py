@@ -8,8 +8,8 @@ sensors do, and beside noise that is fitted again beside what is in.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,9 @@ from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import FELT, FELT_SD
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.courses import FINE_M, SLOW_KNOT_S
-from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, PLACE, SLOW, UNKNOWN
+from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, EVENT, PLACE, SLOW, UNKNOWN
 from deeptruck_model.mismatch.mechanisms.road import HILLY
-from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
+from deeptruck_model.mismatch.posterior.kernels import IN_EVENTS, Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.posterior.sampler import SIZES, SWEEPS, Blocks, Draws, Reduced, sample
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -44,7 +44,7 @@ DRIFT_ODDS = 0.3  # prior odds of each of these, mostly slopes, and of a slope: 
 LASTING = 3  # rows, which noise does not outlast
 NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 SLOPE = "slope"  # part of the kernel of a slope that was not recorded: hardly a road has none
-NO_NAME = (SLOW, PLACE, EACH_DRIVE)  # blocks that are no mechanism
+NO_NAME = (SLOW, PLACE, EACH_DRIVE, EVENT)  # blocks that are no mechanism
 
 
 @dataclass(frozen=True)
@@ -61,15 +61,11 @@ class Posterior:
     noise: Fit
     prior: Prior
     first: Array  # what each block gains by itself at each size, nats
-    # draws in which a name is the one cause of the events, and what of the residual is in these (n,), m/s^2
-    causes: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
-    in_events: Array = field(default_factory=lambda: np.zeros(0))
 
-    def acts(self, name: str) -> NDArray[np.bool_]:
-        """The draws (m,) in which a name acts, all along or as the cause of several events: the one source of
-        its probability."""
-        there = self.inside(name)
-        return there | self.causes[name] if name in self.causes else there
+    def lasts(self, name: str) -> NDArray[np.bool_]:
+        """The draws (m,) in which a block of this name acts that is not confined to events."""
+        own = [j for j, k in enumerate(self.of) if k.name == name and k.part != IN_EVENTS]
+        return np.asarray(self.draws.inside[:, own].any(axis=1), dtype=bool)
 
     def inside(self, name: str) -> NDArray[np.bool_]:
         """The draws (m,) in which a block of this name acts."""
@@ -88,11 +84,6 @@ class Posterior:
         """Probability that no mechanism and no parameter acts."""
         named = [j for j, k in enumerate(self.of) if k.name not in (*NO_NAME, UNKNOWN)]
         return float((~self.draws.inside[:, named].any(axis=1)).mean())
-
-    def part(self, name: str, part: str) -> float:
-        """Probability that a part of a name's forces acts; zero if there is none."""
-        own = [j for j, k in enumerate(self.of) if k.name == name and k.part == part]
-        return float(self.draws.inside[:, own].any(axis=1).mean())
 
     def is_parameter(self, name: str) -> bool:
         """Whether the parameter of a name acts more often than its other forces."""
@@ -194,8 +185,8 @@ def _drawn(search: Regression, extra: Sequence[Kernel], seed: int, sweeps: int, 
     always = np.concatenate([X * prior.sd, error], axis=1)
     mean = X @ prior.mean
     blocks = _blocks(search, of, always, search.series.y - mean, noise)
-    unit, first = search.rules.evidence_temperature, np.arange(always.shape[1])
-    draws = sample(blocks, first, unit, seed, sweeps=sweeps)
+    first = np.arange(always.shape[1])
+    draws = sample(blocks, first, search.rules.evidence_temperature, Limits.law_error, seed, sweeps=sweeps)
     at = tuple(blocks.at)
     return Posterior(search, of, at, draws, always, error.shape[1], mean, noise, prior, draws.alone)
 
@@ -210,7 +201,7 @@ def _blocks(search: Regression, of: Sequence[Kernel], always: Array, y: Array, n
     """Inner products of all blocks, given the noise."""
     gram, pull = _products(search, [always, *(k.features for k in of)], y, noise)
     nameless = search.rules.odds if search.e.has(FELT) else DRIFT_ODDS
-    each = {**dict.fromkeys(NO_NAME, nameless), SLOPE: DRIFT_ODDS}
+    each = {**dict.fromkeys(NO_NAME, nameless), SLOPE: DRIFT_ODDS, EVENT: DRIFT_ODDS}
     odds = np.log([each.get(k.part, search.rules.odds) * k.chance for k in of])
     signed = [None if k.sign is None else _signed(k, search) for k in of]
     return Blocks(gram, pull, _places_of(always, of), odds, signed)

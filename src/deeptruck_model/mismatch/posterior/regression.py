@@ -147,10 +147,8 @@ class Regression:
         if key not in self._models:
             X, prior, layout = self._design(named, free)
             found = fit(self.series, X, prior, start)
-            cost = self.rules.evidence_temperature * sum(
-                np.log(n.trials) - np.log(n.mechanism.chance(self.e)) for n in named
-            )
-            score = found.evidence - float(cost)
+            chances = sum(np.log(n.mechanism.chance(self.e)) for n in named)
+            score = found.evidence + float(self.rules.evidence_temperature * chances)
             model = Model(named, free, found, score, layout, self.rules, self.mass_gain)
             beyond = {p for p in free if not self.possible(p, model)}
             self._models[key] = self.model(named, free - beyond, start) if beyond else model

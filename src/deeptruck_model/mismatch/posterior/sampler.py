@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dpotrf, dtrtrs
 from scipy.special import log_ndtr
+
+from deeptruck_model.trucks.compiled import entry
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -23,6 +24,7 @@ State = tuple[int, ...]  # of every block the place of its size in SIZES, or OUT
 
 SIZES = np.array([0.15, 0.4, 1.0, 2.5])  # of a block beside its prior sd, equally likely
 OUT = -1
+NO_SIGN = np.zeros(0)
 LEAST_POWER = 0.02  # of a direction at the largest size, in units of the noise: less says nothing
 SWEEPS, BURN_IN = 240, 60
 LEAST_STEP = 1e-6  # of log probability, by which another state is more probable
@@ -47,13 +49,14 @@ class Draws:
     """Draws of the posterior: states (m, blocks) and coefficients (m, k).
 
     `alone` (blocks, sizes) is each block's own gain at each size, in nats over no active block; `space` gives
-    the gains relative to any state.
+    the gains relative to any state, and log evidence was divided by `unit`.
     """
 
     states: NDArray[np.int_]
     coefficients: Array
     alone: Array
     space: Reduced
+    unit: float
 
     @property
     def inside(self) -> NDArray[np.bool_]:
@@ -137,10 +140,13 @@ class Reduced:
             elif not len(own):
                 given.gains[j] = 0.0
             else:
-                both = self.gram[np.ix_(given.inside, own)] * given.scale[:, None]
-                across = solve_triangular(given.root, both, lower=True)
-                inner = self.gram[np.ix_(own, own)] - across.T @ across
-                given.gains[j] = gains_of(inner, self.pull[own] - across.T @ given.onto, self.signed[j])
+                given.gains[j] = _with_sign(
+                    *_beside(
+                        self.gram, self.pull, given.inside, given.scale, given.root, given.onto,
+                        own[0], own[-1] + 1, _or_none(self.signed[j]),
+                    ),
+                    self.signed[j],
+                )  # fmt: skip
         out: Array = given.gains[j]
         return out
 
@@ -177,31 +183,89 @@ class Reduced:
         return out
 
 
-def gains_of(inner: Array, pull: Array, signed: Array | None = None) -> Array:
+def gains_of(inner: Array, pull: Array) -> Array:
     """Log evidence (sizes,) of a block with these inner products beside what is in."""
-    out = np.empty(len(SIZES))
-    sides = np.asfortranarray(pull[:, None] if signed is None else np.stack([pull, signed], axis=1))
-    diagonal = np.diag_indices(len(pull))
-    for i, size in enumerate(SIZES):
-        precision = inner.copy()
-        precision[diagonal] += size**-2
-        root, failed = dpotrf(precision, lower=1)
-        if failed:
-            raise np.linalg.LinAlgError("inner products of a block are not positive definite")
-        half, _ = dtrtrs(root, sides, lower=1)
-        first = half[:, 0]
-        out[i] = 0.5 * first @ first - np.log(root[diagonal] * size).sum()
-        if signed is not None:
-            second = half[:, 1]
-            out[i] += log_ndtr(second @ first / max(float(np.sqrt(second @ second)), 1e-15)) + np.log(2.0)
-    return out
+    return _of_sizes(inner, pull, NO_SIGN)[0]
 
 
-def sample(blocks: Blocks, always: Places, unit: float, seed: int = 0, sweeps: int = SWEEPS) -> Draws:
-    """Draw states and coefficients. Log evidence is divided by `unit`, because noise and forms are
-    approximate. Columns in `always` are always active with unit prior variance."""
+def _or_none(signed: Array | None) -> Array:
+    return NO_SIGN if signed is None else signed
+
+
+def _with_sign(gains: Array, along: Array, signed: Array | None) -> Array:
+    """Gains (sizes,) of a force of either sign, or of the one sign that it can have."""
+    return gains if signed is None else gains + log_ndtr(along) + np.log(2.0)
+
+
+@entry
+def _beside(
+    gram: Array,
+    pull: Array,
+    inside: Places,
+    scale: Array,
+    root: Array,
+    onto: Array,
+    first: int,
+    last: int,
+    signed: Array,
+) -> tuple[Array, Array]:
+    """As `_of_sizes` for the block of the columns from `first` to `last`, beside what is in."""
+    k = last - first
+    inner, own, across = gram[first:last, first:last].copy(), pull[first:last].copy(), np.empty(k)
+    solved = np.empty((len(inside), k))
+    for i in range(len(inside)):
+        for c in range(k):
+            across[c] = gram[inside[i], first + c] * scale[i]
+        for j in range(i):
+            for c in range(k):
+                across[c] -= root[i, j] * solved[j, c]
+        for c in range(k):
+            across[c] /= root[i, i]
+            own[c] -= onto[i] * across[c]
+        solved[i] = across
+        for a in range(k):
+            for c in range(k):
+                inner[a, c] -= across[a] * across[c]
+    return _of_sizes(inner, own, signed)
+
+
+@entry
+def _of_sizes(inner: Array, pull: Array, signed: Array) -> tuple[Array, Array]:
+    """Log evidence (sizes,) of a block with these inner products, by its Cholesky factor at each size; and
+    by how many standard deviations its force has the sign of `signed`, if that is not empty."""
+    gains, along, n = np.zeros(len(SIZES)), np.zeros(len(SIZES)), len(pull)
+    for i in range(len(SIZES)):
+        upper, half, side, squares = inner.copy(), pull.copy(), np.zeros(n), 0.0
+        side[: len(signed)] = signed
+        for k in range(n):
+            power = upper[k, k] + SIZES[i] ** -2
+            if not power > 0.0:
+                raise ValueError("inner products of a block are not positive definite")
+            gains[i] += 0.5 * (half[k] ** 2 / power - np.log(power * SIZES[i] ** 2))
+            along[i] += half[k] * side[k] / power
+            squares += side[k] ** 2 / power
+            for row in range(k + 1, n):
+                share = upper[k, row] / power
+                half[row] -= share * half[k]
+                side[row] -= share * side[k]
+                for c in range(row, n):
+                    upper[row, c] -= share * upper[k, c]
+        along[i] /= max(np.sqrt(squares), 1e-15)
+    return gains, along
+
+
+def sample(
+    blocks: Blocks, always: Places, unit: float, law_error: float = 0.0, seed: int = 0, sweeps: int = SWEEPS
+) -> Draws:
+    """Draw states and coefficients. Columns in `always` are always active with unit prior variance.
+
+    Log evidence is divided by `unit`, because the noise is approximate, plus the share `law_error` of what
+    the best block gains, because its law is: the more a force explains, the more does an error of its law.
+    """
     rng = np.random.default_rng(seed)
     r = Reduced(blocks, always)
+    alone = r.table((OUT,) * len(r.at))
+    unit += law_error * max(float(alone.max(initial=0.0)), 0.0)
     state = _greedy(r, unit)
     states, coefficients = [], []
     for sweep in range(sweeps + BURN_IN):
@@ -211,8 +275,7 @@ def sample(blocks: Blocks, always: Places, unit: float, seed: int = 0, sweeps: i
         if sweep >= BURN_IN:
             states.append(state)
             coefficients.append(r.drawn(state, unit, rng))
-    alone = r.table((OUT,) * len(r.at))
-    return Draws(np.array(states), np.array(coefficients), alone, r)
+    return Draws(np.array(states), np.array(coefficients), alone, r, unit)
 
 
 def most_probable(

@@ -24,7 +24,6 @@ from deeptruck_model.mismatch.mechanisms.families import (
 )
 from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
 from deeptruck_model.mismatch.posterior.budget import Budget
-from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
 from deeptruck_model.mismatch.posterior.names import Compared, Named, Tree
 from deeptruck_model.mismatch.prepare.drives import NotRecorded
 from deeptruck_model.mismatch.prepare.sensors import SensorFault
@@ -65,7 +64,7 @@ def findings(
     if error > tolerance and all(f.kind is Kind.SENSOR for f in out):
         out += _of_rest(c, rules)
     shown = _with_shares(e, out, c.budget)
-    return tuple(sorted(shown, key=lambda f: (-(f.share_of_error or 0.0), -f.share_of_explainable_error)))
+    return tuple(sorted(shown, key=lambda f: -f.share_of_explainable_error))
 
 
 def _of_named(
@@ -86,11 +85,10 @@ def _of_named(
     term = next((t for t in terms if t.mechanism.effect == name), None)
     sizes = sizes_of(term, c.posterior, named.given) if term is not None else {}
     sizes = sizes if added is None else {n: x.times(added.factor) for n, x in sizes.items()}
-    conditional = c.posterior.part(name, CONDITIONAL) >= rules.named
     return replace(
         f,
         in_log=felt,
-        in_condition=_condition(term, e) if term is not None and conditional else "",
+        in_condition=_condition(term, e) if term is not None else "",
         equation=m.equation,
         parameters=sizes,
         depends_on=m.depends_on,

@@ -10,6 +10,8 @@ from small_drives import N, evidence, posterior_of, regression
 
 from deeptruck_model.mismatch.correction.forms import (
     _forms,
+    _options,
+    _simplest,
     named_forces,
     nameless_terms,
     simplest_terms,
@@ -24,8 +26,8 @@ from deeptruck_model.mismatch.correction.model import (
     _rms,
 )
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
-from deeptruck_model.mismatch.mechanisms.courses import Where
-from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL, UNKNOWN, kernels
+from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Where
+from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, kernels
 from deeptruck_model.mismatch.posterior.names import names
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
@@ -68,15 +70,16 @@ def test_a_force_without_a_name_is_corrected_by_forms_of_any_mechanism() -> None
 
 
 def test_a_force_in_one_condition_is_corrected_there_only() -> None:
-    """A share of the engine's force is lost at high speed, and the truck runs with it step by step."""
-    e = evidence()
-    lost = -0.3 * np.maximum(e["engine"], 0.0) * (e["speed"] > 20.0)
-    p = posterior(Regression(evidence(lost), exclude=set(LIBRARY) - {"driveline_loss"}), sweeps=40)
-    assert p.part("driveline_loss", CONDITIONAL) == 1.0
-    (term,) = simplest_terms(p, e)
+    """A brake drags at high speed, as none of its laws does; the truck runs with it step by step."""
+    p, m = posterior_of("none"), LIBRARY["dragging_brake"]
+    e, drags = p.search.e, -0.1 * (p.search.e["speed"] > 20.0)
+    term = _simplest(p.search, _options(p, m, drags, general=True), drags)
     (where,) = {v.course for v in term.variants}
     assert isinstance(where, Where) and where.signal == "speed" and not where.below
     assert where.above == pytest.approx(20.0, abs=1.0)
+    always = -0.1 * np.ones(N)
+    (v,) = _simplest(p.search, _options(p, m, always, general=True), always).variants
+    assert v.course == ALWAYS
     rebuilt = build(term.mechanism, term.variants)
     columns = np.stack(rows_of([c.expression for c in rebuilt], e), axis=1)
     np.testing.assert_allclose(columns, term.columns, atol=1e-9)

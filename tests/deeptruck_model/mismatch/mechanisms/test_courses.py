@@ -32,7 +32,6 @@ def test_conditions_part_driving_at_thirds_of_each_signal(nothing_missing: Evide
     e = nothing_missing
     made = conditions(e)
     assert {w.signal for w in made} == {"speed", "engine", "grade"} & set(e.signals)
-    assert {w.alternatives for w in made} == {len(made)}
     for where in made:
         own = where.expression.rows(e)[e.valid]
         assert 0.25 < own.mean() < 0.75 and own.min() >= 0.0 and own.max() <= 1.0
@@ -44,7 +43,7 @@ def test_conditions_part_driving_at_thirds_of_each_signal(nothing_missing: Evide
 @pytest.mark.parametrize(("signal", "width"), [("gap", 1.0), ("speed", 0.0), ("speed", float("nan"))])
 def test_a_condition_is_of_a_signal_and_has_a_width(signal: str, width: float) -> None:
     with pytest.raises(ValueError, match="no condition"):
-        Where(signal, 10.0, width, False, 4)
+        Where(signal, 10.0, width, False)
 
 
 def of_distance(e: Evidence) -> list[Spline]:

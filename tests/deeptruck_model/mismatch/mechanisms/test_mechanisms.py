@@ -10,7 +10,7 @@ import pytest
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, build, candidate_term, variant
 from deeptruck_model.mismatch.mechanisms.record import Form
 from deeptruck_model.mismatch.mechanisms.symbols import OMEGA
-from deeptruck_model.mismatch.mechanisms.terms import distinct, every_variant
+from deeptruck_model.mismatch.mechanisms.terms import every_variant
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
@@ -119,17 +119,6 @@ def test_a_play_is_taken_up_once_for_each_change_of_sign(nothing_missing: Eviden
     )
     crossing = lost[at(e, 50) : at(e, 80)]
     assert crossing.sum() * e.dt == pytest.approx(0.4) and (crossing[round(2.0 / e.dt) :] == 0.0).all()
-
-
-def test_every_different_force_of_a_mechanism_is_an_alternative(nothing_missing: Evidence) -> None:
-    e = nothing_missing
-    one = candidate_term(LIBRARY["turbo_lag"], boost("above aspirated"), e)
-    rng = np.random.default_rng(0)
-    other = [replace(one, columns=rng.standard_normal(one.columns.shape)) for _ in range(4)]
-    assert distinct([one], e) == 1.0
-    assert distinct([one, replace(one, columns=-2.0 * one.columns)], e) == pytest.approx(1.0)
-    assert distinct(other, e) == pytest.approx(4.0, rel=0.01)
-    assert 1.0 < distinct([one, one, one, other[0]], e) < 2.0
 
 
 @pytest.mark.parametrize(("lingers", "offered"), [(0.0, {36.0}), (0.1, {36.0, 6.0})])

@@ -16,34 +16,35 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 
 SPLINE = Spline("elapsed", (3, 4), ("a", "b"), 20.0, 1.0 / 7.0, 0.1)
 EACH = EachDrive(("a", "b"), 0.5)
-LATER = FromMoment(1, 30.0, 2, 32)
+LATER = FromMoment(1, 30.0, 2)
 DRAG = LIBRARY["dragging_brake"]
 KEPT = saved.to_json(variant_with("kept", keeps_s=30.0))
 SLOW = saved.to_json(variant_with("constant", SPLINE))
 
 
 @pytest.mark.parametrize(
-    ("course", "varies", "general", "trials"),
+    ("course", "varies", "general"),
     [
-        (ALWAYS, False, True, 1.0),
-        (LATER, False, True, 32.0),
-        (EACH, False, False, 1.0),
-        (SPLINE, True, False, 20.0),
-        (replace(SPLINE, shared=True), True, True, 20.0),
+        (ALWAYS, False, True),
+        (LATER, False, True),
+        (EACH, False, False),
+        (SPLINE, True, False),
+        (replace(SPLINE, shared=True), True, True),
     ],
 )
 def test_a_term_is_asked_what_its_courses_are(
-    course: Course, varies: bool, general: bool, trials: float, nothing_missing: Evidence
+    course: Course, varies: bool, general: bool, nothing_missing: Evidence
 ) -> None:
     term = candidate_term(DRAG, variant_with("constant", course), nothing_missing)
-    assert (term.varies_in_time, term.general, term.trials) == (varies, general, trials)
+    assert (term.varies_in_time, term.general) == (varies, general)
     both = merge(candidate_term(DRAG, variant_with("kept", keeps_s=3.0), nothing_missing), term)
-    assert (both.varies_in_time, both.general, both.trials) == (varies, general, trials)
+    assert (both.varies_in_time, both.general) == (varies, general)
 
 
-def test_a_curve_is_one_of_three_more_terms(nothing_missing: Evidence) -> None:
-    on_a_curve = variant_with("time since braking", at=(1.0, 2.0), scale=1.0)
-    assert candidate_term(DRAG, on_a_curve, nothing_missing).trials == 3.0
+def test_a_course_of_an_earlier_version_is_read() -> None:
+    now = saved.to_json(variant_with("constant", LATER))
+    then = {**now, "course": {**now["course"], "moments": 32}}
+    assert saved.variant_of(DRAG, then) == saved.variant_of(DRAG, now)
 
 
 def test_reported_constants_are_those_of_every_variant(nothing_missing: Evidence) -> None:

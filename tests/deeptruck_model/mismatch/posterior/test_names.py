@@ -26,12 +26,11 @@ OTHERS = ("turbo_lag", "payload_change", "command_delay", "load_slosh")
 
 @dataclass
 class Draws:
-    """A posterior by the draws in which each name acts all along, and those in which it causes events."""
+    """A posterior by the draws in which each name acts, and in which it does so in events alone."""
 
     shares: Mapping[str, slice]
     events: Mapping[str, slice] = field(default_factory=dict)
     known_physics: bool = True
-    in_events = np.ones(3)
     forces: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -41,7 +40,9 @@ class Draws:
     @property
     def search(self) -> Any:
         drives = (DriveRows("a", 0, 3, 0.0, False),)
-        e = SimpleNamespace(known_physics=self.known_physics, valid=np.ones(3, bool), dt=0.2, drives=drives)
+        whole = SimpleNamespace(valid=np.ones(3, bool))
+        e = SimpleNamespace(known_physics=self.known_physics, dt=0.2, drives=drives)
+        e.everywhere, e.held_out = lambda: whole, np.zeros(3, bool)
         return SimpleNamespace(own=None, rules=RULES, e=e)
 
     def inside(self, name: str) -> np.ndarray:
@@ -49,9 +50,9 @@ class Draws:
         out[self.shares.get(name, slice(0))] = True
         return out
 
-    def acts(self, name: str) -> np.ndarray:
+    def lasts(self, name: str) -> np.ndarray:
         out = self.inside(name)
-        out[self.events.get(name, slice(0))] = True
+        out[self.events.get(name, slice(0))] = False
         return out
 
     def gain(self, name: str) -> float:
@@ -101,10 +102,9 @@ def test_names_that_act_together_are_findings_of_their_own_and_a_family_is_no_su
     assert both.tree.families == {"brakes": 0.95}
 
 
-def test_the_one_cause_of_events_has_its_probability_and_force_too() -> None:
-    (one,) = of({LAG: slice(0)}, events={LAG: slice(70)}).found
-    assert one.tree.names == {LAG: 0.7}
-    np.testing.assert_array_equal(one.force, 1.0)
+def test_the_cause_of_events_is_a_name_that_does_not_last() -> None:
+    found = of({LAG: slice(80), FADE: slice(90)}, events={LAG: slice(45), FADE: slice(40)})
+    assert {x.name: x.lasts for x in found.found} == {FADE: True, LAG: False}
 
 
 @pytest.mark.parametrize(
