@@ -79,7 +79,7 @@ def with_events(search: Regression, seed: int) -> tuple[Posterior, tuple[Event, 
     """The posterior, and the events. The rows of events are in its draws, and left out of its `search`.
 
     A first look estimates the noise and says which laws' constants are fitted; a posterior of what acts
-    always finds the events; then what acts in these alone may be in beside it.
+    always finds the events; then what acts in these alone may be in too.
     """
     look = first_look(search, seed=seed)
     search = narrowed(look)
