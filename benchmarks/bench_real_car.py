@@ -22,9 +22,9 @@ from typing import Any
 
 import harness
 import numpy as np
-from deeptruck_exam.real.withheld import LAYOUTS, trained, whole_log, withhold
 
 from deeptruck_core.constants import GRAVITY
+from deeptruck_exam.real.withheld import LAYOUTS, trained, whole_log, withhold
 from deeptruck_model.mismatch import find_mismatch
 from deeptruck_model.recordings import Recording, split
 from deeptruck_model.recordings.grade import with_slope

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from deeptruck_core.errors import InputError
 from deeptruck_exam.folder import check_plant
 from deeptruck_exam.plants import cases, fastsim_truck, multi_body, page, prove
 from deeptruck_exam.plants.fastsim_equations import LineHaul, make
 from deeptruck_exam.tool import ToolRun
-
-from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
 from deeptruck_model.mismatch.correction.added import Added, TruckWithForces
 from deeptruck_model.mismatch.residual.expression import Signal

@@ -8,10 +8,10 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from deeptruck_exam.plants.fastsim_equations import LineHaul, make
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, SPEED
+from deeptruck_exam.plants.fastsim_equations import LineHaul, make
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.posterior.regression import Regression
