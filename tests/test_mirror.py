@@ -39,7 +39,6 @@ deeptruck_model.mismatch.mechanisms: road | deeptruck_model/mismatch/mechanisms/
 deeptruck_core.pages: document style | deeptruck_model/compare/test_comparison.py
 deeptruck_model.recordings: bag_file bag_storage | deeptruck_model/recordings/test_bad_bags.py
 deeptruck_model.recordings: mcap_chunks message_definitions | deeptruck_model/recordings/test_bad_bags.py
-deeptruck_model.recordings: recording_figure | deeptruck_model/recordings/test_recording.py
 deeptruck_model.recordings: interpolate | deeptruck_model/recordings/test_resample.py
 deeptruck_model.recordings.consistency: proposals | deeptruck_model/recordings/tables/test_table_suggestion.py
 deeptruck_model.recordings.consistency: windows | deeptruck_model/recordings/consistency/test_sensors.py

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deeptruck_core.account import Account
 from deeptruck_core.errors import InputError
-from deeptruck_core.signals import TruckInterface
+from deeptruck_core.signals import TruckInterface, printed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 TABLE_NOTE = "imported from the table "  # begins the note of a recording that was imported from one
 FROM_SPEED = "acceleration derived from speed"
+STEPPED = ("engine_command", "brake_command", "gear")  # drawn until the next sample
 
 
 @dataclass(frozen=True, repr=False)
@@ -89,12 +90,24 @@ class Recording:
 
         Raises InputError for an unknown channel.
         """
-        from deeptruck_model.recordings.recording_figure import Row, draw
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
 
         names = names or tuple(self.channels)
-        units = (self.interface.unit(name) for name in names)
-        rows = [Row(*row) for row in zip(names, units, self.columns(names).T, strict=True)]
-        return draw(f"{self.name}, {self.interface.summary}", self.time, rows)
+        columns = self.columns(names).T.astype(np.float32)  # hides the rounding noise of a constant
+        figure = Figure(figsize=(10, 0.8 + 1.3 * len(names)), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(len(names), sharex=True, squeeze=False)[:, 0]
+        for ax, name, values in zip(axes, names, columns, strict=True):
+            ax.plot(self.time, values, lw=1.0, drawstyle="steps-post" if name in STEPPED else "default")
+            label, unit = name.replace("_", " "), self.interface.unit(name)
+            label = label if unit == "1" else f"{label}\n[{printed(unit)}]"
+            ax.set_ylabel(label, rotation=0, ha="right", va="center")
+            ax.ticklabel_format(axis="y", useOffset=False)
+            ax.grid(alpha=0.3)
+        axes[-1].set_xlabel("time [s]")
+        figure.suptitle(f"{self.name}, {self.interface.summary}")
+        return figure
 
     def gap_after(self, before: Recording | None) -> float | None:
         """Seconds without valid speed between `before` and this piece; None if `before` is not a piece of the

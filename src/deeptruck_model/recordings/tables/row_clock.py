@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from deeptruck_core.account import Account
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.candidates import yaml_text
-from deeptruck_model.recordings.tables.column import MOST_ABOVE
+from deeptruck_model.recordings.tables.column import MOST_ABOVE, Column
 from deeptruck_model.recordings.tables.columns import Clock
 from deeptruck_model.recordings.tables.csv_text import NUMBER
 from deeptruck_model.recordings.tables.header_words import NO_TIME, TIME
@@ -52,7 +52,6 @@ class RowClock:
 class _Trial:
     clock: Clock
     why: str
-    place: int
     sure: bool = True  # the unit is stated
 
 
@@ -64,7 +63,7 @@ def find_clock(table: Table, speeds: Sequence[Array], known: bool = True) -> Row
     with time of day, then one that never goes back (a time of the lap does), then the plainest name.
     """
     found: list[tuple[tuple[object, ...], RowClock]] = []
-    refused = ""
+    refused, places = "", {name: k for k, name in enumerate(table.columns)}
     for trial in _trials(table):
         fresh = replace(table, account=Account(str(table.path), "rows"))
         try:
@@ -79,7 +78,7 @@ def find_clock(table: Table, speeds: Sequence[Array], known: bool = True) -> Row
         unusual = UNITS.get(trial.clock.unit, 0.0) * (1.0 if known else COUNTED)
         off = time[-1] if trial.sure else unusual + _unlikely(seconds, speeds)
         whole = not trial.sure or bool(np.allclose(time, np.rint(time)))
-        order = (whole, -len(columns), _falls(table, columns), extra, trial.place, off)
+        order = (whole, -len(columns), _falls(table, columns), extra, places[columns[0]], off)
         found.append((order, RowClock(_line(trial.clock), trial.why, columns, seconds)))
     if found:
         return min(found, key=lambda one: one[0])[1]
@@ -102,61 +101,61 @@ def _line(clock: Clock) -> str:
 
 
 def _trials(table: Table) -> Iterator[_Trial]:
-    first = {name: _first(table, name) for name in table.columns}
+    first = {name: _first(column) for name, column in table.columns.items()}
     dates = [name for name, cell in first.items() if DATE_ALONE.fullmatch(cell)]
     days = [name for name, cell in first.items() if DAY_ALONE.fullmatch(cell)]
-    places = {name: k for k, name in enumerate(table.columns)}
     for date in dates:
         for day in days:
-            yield from _dated((date, day), f"{first[date]} {first[day]}", places[date])
-    for name, column in table.columns.items():
+            yield from _dated((date, day), f"{first[date]} {first[day]}")
+    for k, (name, column) in enumerate(table.columns.items()):
         words, unit = column.header.words, column.header.unit
         if column.is_temporal:
-            yield _Trial(Clock((name,), unit=""), f"'{name}' has the type {column.raw.type}", places[name])
+            yield _Trial(Clock((name,), unit=""), f"'{name}' has the type {column.raw.type}")
         elif NUMBER.fullmatch(first[name]):
-            if (words & TIME or (unit in TIME_UNITS and _even(table, name))) and not words & NO_TIME:
-                yield from _numbers(table, name, unit, column.header.stated, places[name])
-        elif name not in dates and (words & TIME or places[name] == 0):
-            yield from _dated((name,), first[name], places[name])
+            if (words & TIME or (unit in TIME_UNITS and _even(column))) and not words & NO_TIME:
+                yield from _numbers(column)
+        elif name not in dates and (words & TIME or k == 0):
+            yield from _dated((name,), first[name])
 
 
-def _even(table: Table, name: str) -> bool:
+def _even(column: Column) -> bool:
     """Whether the numbers of a column rise from row to row by about the same step."""
-    steps = np.diff(table[name].values)
+    steps = np.diff(column.values)
     steps = steps[np.isfinite(steps)]
     return len(steps) > 1 and bool((steps > 0.0).all() and steps.std() < 0.5 * steps.mean())
 
 
-def _dated(names: tuple[str, ...], cell: str, place: int) -> Iterator[_Trial]:
+def _dated(names: tuple[str, ...], cell: str) -> Iterator[_Trial]:
     """Clocks of dates or times of day in the format of this cell."""
     what = " and ".join(f"'{name}'" for name in names)
     if OF_DAY.fullmatch(cell) or is_iso(cell):
-        yield _Trial(Clock(names, unit="iso"), f"{what} as {cell}", place)
+        yield _Trial(Clock(names, unit="iso"), f"{what} as {cell}")
         return
     for form in usual_formats(cell):
-        yield _Trial(Clock(names, format=form), f"{what} as {cell}", place)
+        yield _Trial(Clock(names, format=form), f"{what} as {cell}")
 
 
-def _numbers(table: Table, name: str, unit: str, stated: str, place: int) -> Iterator[_Trial]:
-    if unit in TIME_UNITS:
-        yield _Trial(Clock((name,), unit=unit), f"'{name}', {stated}", place)
-        return
-    if unit:
-        return
-    if form := packed_format(pc.cast(table[name].raw, pa.string())):
-        why = f"'{name}' as {_first(table, name)}, a clock without marks"
-        yield _Trial(Clock((name,), format=form), why, place)
-        return
-    values = table[name].values
-    values = values[np.isfinite(values)]
+def _numbers(column: Column) -> Iterator[_Trial]:
+    """Clocks of a column of numbers in its unit, without marks, by its size, or in every unit."""
+    name, unit = column.name, column.header.unit
+    values = column.values[np.isfinite(column.values)]
     step = float(np.median(np.diff(values))) if len(values) > 1 else np.nan
-    for low, high, epoch in EPOCHS:
-        if len(values) and low <= values[0] < high and (epoch != "days" or step < 1e-3):
-            yield _Trial(Clock((name,), unit=epoch), f"'{name}' counts {epoch} by its size", place)
-            return
-    for one in UNITS:
-        why = f"'{name}', rows {step * TIME_UNITS[one]:.4g} s apart if in {one}, which no header says: check"
-        yield _Trial(Clock((name,), unit=one), why, place, sure=False)
+    epochs = (
+        epoch for low, high, epoch in EPOCHS
+        if len(values) and low <= values[0] < high and (epoch != "days" or step < 1e-3)
+    )  # fmt: skip
+    if unit in TIME_UNITS:
+        yield _Trial(Clock((name,), unit=unit), f"'{name}', {column.header.stated}")
+    elif unit:
+        return
+    elif form := packed_format(pc.cast(column.raw, pa.string())):
+        yield _Trial(Clock((name,), format=form), f"'{name}' as {_first(column)}, a clock without marks")
+    elif epoch := next(epochs, ""):
+        yield _Trial(Clock((name,), unit=epoch), f"'{name}' counts {epoch} by its size")
+    else:
+        for one in UNITS:
+            apart = f"rows {step * TIME_UNITS[one]:.4g} s apart if in {one}, which no header says: check"
+            yield _Trial(Clock((name,), unit=one), f"'{name}', {apart}", sure=False)
 
 
 def _unlikely(seconds: Array, speeds: Sequence[Array]) -> float:
@@ -173,10 +172,10 @@ def _unlikely(seconds: Array, speeds: Sequence[Array]) -> float:
     return worst
 
 
-def _first(table: Table, name: str) -> str:
+def _first(column: Column) -> str:
     """The first filled cell below a row of units."""
     try:
-        cells = table[name].cells
+        cells = column.cells
     except InputError:
         return ""
     some = [str(cell) for cell in cells[: MOST_ABOVE + 200].to_pylist() if cell]
