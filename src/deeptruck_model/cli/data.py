@@ -231,8 +231,7 @@ def show_coverage(
     results.apart(out, *bags)
     results.COVERAGE.check(out, overwrite=overwrite)
     speed_unit(units)
-    from deeptruck_model.recordings import coverage, read_all
-    from deeptruck_model.recordings.not_recorded import sentence
+    from deeptruck_model.recordings import read_all
 
     with progress("reading") as say:
 
@@ -245,6 +244,9 @@ def show_coverage(
             bags, topic_map=topic_map, clock=clock, mixed_clocks=True, msg=msg or (), progress=each
         )
         say("counting and drawing")
+        from deeptruck_model.recordings import coverage
+        from deeptruck_model.recordings.not_recorded import sentence
+
         found = coverage(recordings)
         found.save(out, overwrite=overwrite, units=units)
     for missing in found.not_recorded:

@@ -91,9 +91,10 @@ def mismatch(
     speed_unit(units)
     _check_excluded(exclude or [])
     own = _own(mechanisms)
-    from deeptruck_model.recordings.several import check_paths_apart
+    from deeptruck_model.recordings.several import check, check_paths_apart
 
     check_paths_apart(recordings, held_out)
+    check([*recordings, *held_out], topic_map)
     with FOUND.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
         from deeptruck_model import recordings as rec
         from deeptruck_model import simulators
