@@ -54,10 +54,18 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def test_one_of_the_users_is_found_and_kept(file: Path, tmp_path: Path) -> None:
+def test_one_of_the_users_is_found_and_kept_and_one_that_was_not_recorded_is_said(
+    file: Path, tmp_path: Path
+) -> None:
     drives = [drive(k) for k in range(3)]
+    head, begin, one = FILE.partition("    Mechanism(\n")
+    other = one.replace("crane_drag", "crane_gap").replace('("extra: crane_up",)', '("gap",)')
+    file.write_text("".join((head, begin, one.removesuffix(")\n"), begin, other)))
     own = LIBRARY.read(file)
     found = find_mismatch(TRUCK, drives[:2], drives[2:], mechanisms=own)
+    first, second, *_ = found.result.caveats
+    assert first.startswith("your mechanism 'crane_gap' was not compared: of gap less than half")
+    assert second.startswith("mechanisms that were not compared") and "without gap" in second
     assert found.findings[0].effect == "crane_drag" and found.findings[0].family == "air_tyres_road"
     fit = found.result.fit
     assert fit is not None and fit.errors is not None  # its own channel is fed to the corrected truck
@@ -65,7 +73,7 @@ def test_one_of_the_users_is_found_and_kept(file: Path, tmp_path: Path) -> None:
     write(found, tmp_path / "found")
     again = simulators.load(tmp_path / "found" / "simulator")
     assert "crane_drag" in {term.effect for term in again.terms}  # type: ignore[attr-defined]
-    file.write_text(FILE.replace("0.1", "0.2"))
+    file.write_text(file.read_text().replace("0.1", "0.2"))
     with pytest.raises(InputError, match="has changed since a correction was made with it"):
         simulators.load(tmp_path / "found" / "simulator")
     assert "crane_drag" not in set(LIBRARY), "another comparison does not have it"
@@ -96,13 +104,7 @@ def test_a_name_of_the_tool_is_refused(file: Path) -> None:
             find_mismatch(TRUCK, [], mechanisms=LIBRARY.read(file))
 
 
-def test_a_signal_that_nobody_has_is_refused_and_one_that_was_not_recorded_is_said(file: Path) -> None:
-    drives = [drive(k) for k in range(3)]
+def test_a_signal_that_nobody_has_is_refused(file: Path) -> None:
     file.write_text(FILE.replace('Signal("extra: crane_up")', 'Signal("extra: crane_upp")'))
     with pytest.raises(InputError, match=r"'crane_drag' asks for 'extra: crane_upp'.*mean 'extra: crane_up'"):
-        find_mismatch(TRUCK, drives[:2], drives[2:], mechanisms=LIBRARY.read(file))
-    file.write_text(FILE.replace('("extra: crane_up",)', '("gap",)'))
-    found = find_mismatch(TRUCK, drives[:2], drives[2:], mechanisms=LIBRARY.read(file))
-    first, second, *_ = found.result.caveats
-    assert first.startswith("your mechanism 'crane_drag' was not compared: of gap less than half")
-    assert second.startswith("mechanisms that were not compared") and "without gap" in second
+        find_mismatch(TRUCK, [drive(0)], mechanisms=LIBRARY.read(file))
