@@ -20,7 +20,7 @@ deeptruck_exam.plants: simulators | deeptruck_exam/plants/test_plants.py
 deeptruck_exam.worlds: drive drivers | deeptruck_exam/worlds/test_worlds.py
 deeptruck_core.imports: lazy | deeptruck_model/checks/test_calls.py
 deeptruck_core.imports: entry_points | deeptruck_model/test_checks.py
-deeptruck_core: formats frame_rows reading | readers/test_readers.py
+deeptruck_core: arrays formats frame_rows reading | readers/test_readers.py
 deeptruck_core: schema | test_schemas.py
 deeptruck_model.checks: bags compatibility simulators | deeptruck_model/test_checks.py
 deeptruck_model.cli: inputs | deeptruck_model/cli/test_topics.py

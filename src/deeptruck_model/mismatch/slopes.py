@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_core import reading
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import channel_of
 from deeptruck_model.mismatch.folders import FIND_FIRST, PROFILE, check_road
@@ -24,8 +24,6 @@ from deeptruck_model.mismatch.prepare.places import STEP_M, headed
 from deeptruck_model.mismatch.prepare.prepared import prepare
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
-
-Array = NDArray[np.float64]
 
 
 class Slopes(Protocol):

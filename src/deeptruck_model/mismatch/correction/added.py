@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_model.mismatch.prepare.prepared import fed_back
 from deeptruck_model.mismatch.residual import effective_mass
@@ -20,7 +20,6 @@ from deeptruck_model.mismatch.residual.evidence import overall_ratio, turns
 from deeptruck_model.mismatch.residual.expression import Expression, Stream
 from deeptruck_model.simulators import Simulator
 
-Array = NDArray[np.float64]
 Size = float | Array
 """Of all rows of a batch, or of each (batch,)."""
 

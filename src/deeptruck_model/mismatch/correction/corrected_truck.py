@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_core import reading
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.json_data import from_json, to_json
 from deeptruck_core.signals import FELT, TruckInterface
@@ -29,8 +29,6 @@ from deeptruck_model.outside.truck import keep
 from deeptruck_model.simulators import MANIFEST, Run, Simulator, run
 from deeptruck_model.simulators import load as load_simulator
 from deeptruck_model.simulators.running import stepped
-
-Array = NDArray[np.float64]
 
 EXOGENOUS = (
     "gap",

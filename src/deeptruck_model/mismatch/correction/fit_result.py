@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from deeptruck_core.arrays import Array, Indices, Mask
 from deeptruck_core.json_data import SPARSE, stored
 from deeptruck_model.mismatch.folders import AS_GIVEN
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -19,22 +19,20 @@ from deeptruck_model.mismatch.rules import Limits
 SMOOTH_S = 1.0
 
 
-def visible(e: Evidence) -> NDArray[np.bool_]:
+def visible(e: Evidence) -> Mask:
     """Rows (n,) that are compared and in which the truck moves."""
-    out: NDArray[np.bool_] = e.valid & (np.abs(e["speed"]) > Limits.standing_m_s)
+    out: Mask = e.valid & (np.abs(e["speed"]) > Limits.standing_m_s)
     return out
 
 
-def acts(force: NDArray[np.float64], seen: NDArray[np.bool_], dt: float) -> NDArray[np.bool_]:
+def acts(force: Array, seen: Mask, dt: float) -> Mask:
     """Rows in which a force (n,), m/s^2, acts, among the rows that are `seen`, `dt` s apart: its 1 s mean
     exceeds 35 % of its 99 % quantile, and sensor noise."""
     smooth = np.abs(uniform_filter1d(force, max(1, round(SMOOTH_S / dt))))
     if not seen.any() or smooth[seen].max() < 1e-6:
         return np.zeros(len(force), dtype=bool)
     level = 0.35 * float(np.quantile(smooth[seen], 0.99))
-    out: NDArray[np.bool_] = seen & (
-        smooth > max(level, min(Limits.notable, 0.5 * float(smooth[seen].max())))
-    )
+    out: Mask = seen & (smooth > max(level, min(Limits.notable, 0.5 * float(smooth[seen].max()))))
     return out
 
 
@@ -48,7 +46,7 @@ class Strength:
     share_of_time: float = field(metadata=stored(digits=3))
 
 
-def strength(e: Evidence, force: NDArray[np.float64]) -> Strength:
+def strength(e: Evidence, force: Array) -> Strength:
     """The strength of a force (n,), m/s^2, where it is largest."""
     on = acts(force, visible(e), e.dt)
     part = e.newtons(force)[on] / e.mass * e.unit.scale if on.any() else np.zeros(1)
@@ -57,7 +55,6 @@ def strength(e: Evidence, force: NDArray[np.float64]) -> Strength:
     return Strength(value, e.unit.name, one_way, float(on.sum() / max(e.valid.sum(), 1)))
 
 
-Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
 
@@ -67,8 +64,8 @@ class Errors:
 
     speed: Array
     acceleration: Array
-    recording: NDArray[np.intp]
-    start: NDArray[np.intp]
+    recording: Indices
+    start: Indices
 
     def rmse(self) -> Rmse:
         """Root mean square over all windows and steps."""

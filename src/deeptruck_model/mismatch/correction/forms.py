@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array, Indices
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term, confined, merge
 from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Where, conditions
 from deeptruck_model.mismatch.mechanisms.families import UNKNOWN
@@ -23,8 +23,6 @@ from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Prior
 from deeptruck_model.mismatch.rules import Limits
-
-Array = NDArray[np.float64]
 
 SIZE_SD = 0.3  # relative, at least, by which sizes may differ from the mean of the draws
 
@@ -149,7 +147,7 @@ def _simplest(search: Regression, options: Sequence[CandidateTerm], force: Array
 
 def _products(
     search: Regression, options: Sequence[CandidateTerm], force: Array
-) -> tuple[Array, Array, float, list[NDArray[np.intp]]]:
+) -> tuple[Array, Array, float, list[Indices]]:
     """Inner products of all columns of some terms, and of these with a force (n,); the force's sum of
     squares; and the columns of each term."""
     rows = search.rows
@@ -177,13 +175,13 @@ def _forms(search: Regression, options: Sequence[CandidateTerm], force: Array) -
     return [options[k] for k in taken]
 
 
-def _explained(gram: Array, pull: Array, at: NDArray[np.intp]) -> float:
+def _explained(gram: Array, pull: Array, at: Indices) -> float:
     """Explained sum of squares for some columns."""
     b = _solved(gram, pull, at)
     return float(2.0 * b @ pull[at] - b @ gram[np.ix_(at, at)] @ b)
 
 
-def _solved(gram: Array, pull: Array, at: NDArray[np.intp]) -> Array:
+def _solved(gram: Array, pull: Array, at: Indices) -> Array:
     """Coefficients of some columns, with a small ridge."""
     H = gram[np.ix_(at, at)]
     out: Array = np.linalg.solve(H + np.eye(len(H)) * (1e-6 * np.trace(H) / len(H) + 1e-12), pull[at])

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_model.mismatch.correction.added import Added, TruckWithForces
 from deeptruck_model.mismatch.correction.corrected_truck import EXOGENOUS, CorrectedTruck
@@ -25,8 +25,6 @@ from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Simulator, run
 from deeptruck_model.simulators.running import stepped
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 BOOTSTRAPS = 1000
 
 

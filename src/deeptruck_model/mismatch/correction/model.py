@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.fit_result import Interval, Refitted
 from deeptruck_model.mismatch.correction.forms import (
@@ -36,9 +36,6 @@ from deeptruck_model.mismatch.residual.noise import Z95, ridge
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 FOLDS = 3
 ROUNDS = 4  # of weighing the prior against what is left

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.correction.fit_result import Errors, FitResult, WithoutExogenous, strength
 from deeptruck_model.mismatch.correction.free_runs import (
@@ -27,8 +27,6 @@ from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.simulators import Simulator
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

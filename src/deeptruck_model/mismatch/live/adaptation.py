@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_core.terminal.progress import steps
@@ -39,8 +39,6 @@ from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.several import Drives
 from deeptruck_model.recordings.several import drives as known
 from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
-
-Array = NDArray[np.float64]
 
 FIRST_S = 300.0
 SLOPE = "road_grade"  # whose kernel the search has of itself where none was recorded

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_core.vehicle_kinds import LEAST_SPEED
 from deeptruck_model.mismatch.prepare.prepared import fed_back, noise_of, quantum
@@ -26,7 +26,6 @@ from deeptruck_model.recordings.clocks import REORDER_NS
 from deeptruck_model.recordings.resample import Received
 from deeptruck_model.simulators import Simulator
 
-Array = NDArray[np.float64]
 SMOOTH_S = 5.0
 NOISE_S = 20.0  # of the newest inputs, from which their noise is measured
 PATIENCE = 5  # steps that may wait for a command stamped at their begin

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from deeptruck_model.mismatch.residual.components import Shares
 
 from deeptruck_model.mismatch.mechanisms.families import ROOT
 from deeptruck_model.mismatch.posterior.names import Node
+from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.recordings.resample import Received
 
 LOAD, WIND, CONSTANT = "load", "wind", "constant"

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array, Indices, Mask
 from deeptruck_core.json_data import stored
 from deeptruck_model.mismatch.mechanisms.families import FAMILY, HIDDEN, LEFT_OVER, SENSORS, UNKNOWN
 from deeptruck_model.mismatch.posterior.posterior import Posterior
@@ -20,9 +20,6 @@ from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import TAIL
 from deeptruck_model.mismatch.rules import Limits
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -173,7 +170,7 @@ def _products(columns: Array, starts: Sequence[int], steps: int, dt: float) -> A
     return out
 
 
-def _shares(draws: Array, groups: Sequence[NDArray[np.intp]], products: Array) -> Array:
+def _shares(draws: Array, groups: Sequence[Indices], products: Array) -> Array:
     """Shares of the squared error (m, parts + 1) for draws (m, k), the unexplained part last, which add up to
     one.
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.json_data import stored
 from deeptruck_model.mismatch.mechanisms.families import FAMILY, ROOT, UNKNOWN
 from deeptruck_model.mismatch.posterior.budget import Budget
@@ -20,8 +20,6 @@ from deeptruck_model.mismatch.prepare.drives import PreparedDrives
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 MOST_EXPLANATIONS = 6
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from itertools import compress
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.errors import InputError
 from deeptruck_core.json_data import HIDDEN, stored
 from deeptruck_core.signals import FELT, FELT_SD, channel_of
@@ -48,8 +48,6 @@ SAME_DRIVES = (
     "so the result holds for the same drives only"
 )
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 CUT = "no valid speed for so long that the drive is cut in two there"
 STUCK = "brake_command never moves in a drive in which the truck brakes: was it recorded?"
@@ -430,7 +428,7 @@ def clean(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Reject
     return out, [Rejection(rule, n) for rule, n in sorted(counts.items(), key=lambda item: -item[1])]
 
 
-def _reject(x: Array, bad: NDArray[np.bool_], rule: str, counts: dict[str, int]) -> None:
+def _reject(x: Array, bad: Mask, rule: str, counts: dict[str, int]) -> None:
     if bad.any():
         counts[rule] = counts.get(rule, 0) + int(bad.sum())
         x[bad] = np.nan

@@ -10,16 +10,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.compare.alignment import NEAR_M
 from deeptruck_model.mismatch.prepare.prepared import Prepared, fill
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings.earth import metres_per_degree
 
-Array = NDArray[np.float64]
 STEP_M = 10.0
 SMOOTH = 2.0  # steps over which a receiver's error is smoothed
 APART_M = 500.0  # between two roads: knots of one do not reach the other

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import ACCELERATION, FELT, SPEED, TruckInterface
 from deeptruck_core.vehicle_kinds import LEAST_SPEED, NO_COASTING
@@ -25,8 +25,6 @@ def has_valid(r: Recording, channel: str) -> bool:
     return channel in r.channels and bool(np.isfinite(r.channels[channel]).any())
 
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 STANDING = "the truck stands or rolls too slowly to be compared"
 BRAKING = "the truck slows as by brakes, which were not recorded"
 RECOVERY_S = 1.0  # in which a learned simulator recovers from driving outside its training domain

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, SPEED
@@ -31,7 +31,6 @@ from deeptruck_model.recordings.consistency.agreement import ACCELEROMETERS, SPE
 from deeptruck_model.recordings.consistency.windows import CORRELATED
 from deeptruck_model.simulators import Simulator, forced_run
 
-Array = NDArray[np.float64]
 SHIFTS = 4  # times that the accelerometer is shifted by the lag so far, as a fit is linear in the lag
 
 
@@ -83,7 +82,7 @@ def compare(speed: Array, accelerometer: Array | None, dt: float) -> Kinematics:
 
 
 def _errors_in_both(
-    a: Array, d: Array, jerk: Array, use: NDArray[np.bool_], width: float
+    a: Array, d: Array, jerk: Array, use: Mask, width: float
 ) -> tuple[float, float, float, Array]:
     """Least squares of a on (d, 1, -jerk); the standard errors count one sample per smoothing width."""
     X = np.stack([d, np.ones_like(d), -jerk], axis=1)[use]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import SPEED
 from deeptruck_model.mismatch.correction.fit_result import Errors
 from deeptruck_model.mismatch.posterior.events import Event
@@ -16,8 +17,6 @@ from deeptruck_model.mismatch.report.found import Mismatch
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.verdict.result import Segment, Verdict
 from deeptruck_model.mismatch.verdict.wording import spoken
-
-Array = NDArray[np.float64]
 
 MOST_ROWS = 60000  # of all drives together; more are averaged: 1 h 40 min at ten samples a second
 AROUND_S = 20.0  # of a segment that is shown on either side

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined
-from numpy.typing import NDArray
 
 from deeptruck_core import pages
+from deeptruck_core.arrays import Mask
 from deeptruck_core.signals import Said, Speed, shown, speed_unit
 from deeptruck_model.mismatch import folders
 from deeptruck_model.mismatch.correction.fit_result import visible
@@ -216,7 +216,6 @@ def _where(v: Verdict) -> str:
     return Said.joined(" ", out)
 
 
-Array = NDArray[np.float64]
 PRESSED = 0.05  # of a command's 98 % quantile
 BINS, LEAST_S = 12, 10.0  # of speed, and the driving without which a bin is not drawn
 MEAN_S = 2.0  # of driving in a bin, over which the force is averaged: below is sensor noise
@@ -261,18 +260,18 @@ def force_over_speed(e: Evidence, units: str = "m/s") -> str:
     return f'<svg class="over" {size} role="img" aria-label="{says}">{"".join(out)}</svg>'
 
 
-def _rows(e: Evidence) -> dict[str, NDArray[np.bool_]]:
+def _rows(e: Evidence) -> dict[str, Mask]:
     """Rows (n,) in which the engine pulls, and in which neither pedal is pressed."""
     engine, brake = (_pressed(e, name) for name in ("engine_command", "brake_command"))
     return {"pulling": visible(e) & engine & ~brake, "coasting": visible(e) & ~engine & ~brake}
 
 
-def _pressed(e: Evidence, command: str) -> NDArray[np.bool_]:
+def _pressed(e: Evidence, command: str) -> Mask:
     x = np.nan_to_num(e.signals.get(command, np.zeros(len(e))))
     return np.asarray(x > PRESSED * max(float(np.quantile(x, 0.98)), 1e-9))
 
 
-def _binned(e: Evidence, rows: NDArray[np.bool_]) -> Iterator[tuple[float, float, float, float]]:
+def _binned(e: Evidence, rows: Mask) -> Iterator[tuple[float, float, float, float]]:
     """Speed, and lower quartile, median and upper quartile of the force, of each bin that is driven."""
     speed, force = e["speed"][rows], (e.newtons(e.residual) / e.mass * e.unit.scale)[rows]
     per = max(1, round(MEAN_S / e.dt))

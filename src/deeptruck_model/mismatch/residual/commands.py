@@ -8,27 +8,19 @@ are in it. Responses to two commands add up.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
-from deeptruck_model.trucks.compiled import entry
-
-if TYPE_CHECKING:
-    from deeptruck_model.mismatch.prepare.prepared import Prepared
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-
-from scipy.ndimage import uniform_filter1d
-
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.signals import ACCELERATION
 from deeptruck_model.mismatch.prepare.prepared import Prepared, forced
 from deeptruck_model.simulators import Run, Simulator
-
-Array = NDArray[np.float64]
+from deeptruck_model.trucks.compiled import entry
 
 SOFT_S = 0.4  # a shaped command comes to its target with this time constant
 FASTER_DOWN = 2.0  # and takes torque away so much faster than it adds it
@@ -219,7 +211,7 @@ class _OfOneCommand:
             for p, s in both
         ]
 
-    def error(self, valid: Sequence[NDArray[np.bool_]]) -> float:
+    def error(self, valid: Sequence[Mask]) -> float:
         """Sum of squared errors by which the other runs predict each run, in `valid` samples."""
         runs = range(1, len(self.commands[0]))
         total = 0.0

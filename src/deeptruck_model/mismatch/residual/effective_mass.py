@@ -11,17 +11,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.expression import Expression, Lag, Signal, lift
 from deeptruck_model.simulators import Simulator, free_run
-
-Array = NDArray[np.float64]
 
 HELD_UNIT = "m/s^2"  # of a brake command that is a deceleration
 BRAKED = 0.05  # m/s^2: the brake switch

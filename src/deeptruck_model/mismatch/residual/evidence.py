@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import lfilter
 
+from deeptruck_core.arrays import Array, Indices, Mask
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, printed
 from deeptruck_core.vehicle_kinds import CLUTCH_CLOSED, UNSTATED, VehicleKind
@@ -19,7 +20,6 @@ from deeptruck_model.mismatch.residual.noise import Series
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.simulators import Simulator
 
-Array = NDArray[np.float64]
 MOST_TURNS = 150.0  # rad/m: a crawler gear
 BIN, WIDTH = 0.02, 0.06  # of the logarithm; gears of a truck are at least 0.15 apart
 SELDOM = 0.005  # share of the time below which a ratio is no gear
@@ -115,8 +115,6 @@ class ForceUnit:
 
 
 PER_KILOGRAM = ForceUnit("m/s^2", 1.0)
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 DOUBT_ROWS = 5  # a doubtful sample also marks those it is whitened with
 BLOCK_LEARNED_S = 1.0  # a learned simulator's timing is not good enough for more
 BLOCK_S = 0.2  # long enough to average sensor noise, short enough for a driveline

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_core.vehicle_kinds import IMPOSSIBLE_ACCELERATION
@@ -23,8 +23,6 @@ from deeptruck_model.mismatch.residual.timing import at_another_moment, of_a_sam
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 JITTER_RUNS = 6
 COMPARING = "comparing every mechanism with what the simulator is off by"
 DRIVING = "driving the simulator along the recordings{about}, {share:.0%}"

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_opening
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.signals import SPEED
 from deeptruck_core.vehicle_kinds import CLUTCH_CLOSED, GEARS_APART
 from deeptruck_model.mismatch.prepare.drives import NotRecorded, PreparedDrives, Rejection
@@ -20,8 +20,6 @@ from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Run, Simulator
 from deeptruck_model.trucks.compiled import entry
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 OTHER_GEAR_S = 1.5  # shorter differences of engine speed, or from a predicted gear, are slip or an error
 SAMPLES_APART = 3  # from which on recorded gears differ: a shift a sample sooner or later is a nuisance term
 NEAR_S = 0.5  # around a different gear, while the engine changes its speed

@@ -10,16 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln, log_ndtr
 from scipy.stats import t as student_t
 
+from deeptruck_core.arrays import Array, Indices, Mask
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.trucks.compiled import entry
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Rows = NDArray[np.intp]
 
 ORDER = 5  # of the autoregression
 TAIL = 5.0  # degrees of freedom of the innovations
@@ -208,7 +204,7 @@ def _between(gradient: Array, series: Series, use: Mask, covariance: Array) -> A
     return out
 
 
-def whiten(x: Array, ar: Array, rows: Rows, weight: Array | None = None) -> Array:
+def whiten(x: Array, ar: Array, rows: Indices, weight: Array | None = None) -> Array:
     """Filter rows (m,) of x (n,) or (n, k) by the inverse of the autoregression `ar` (ORDER,), and multiply
     by `weight` (m,). The first ORDER rows have no past and must not be among them."""
     wide = np.ascontiguousarray(x.reshape(len(x), -1), dtype=np.float64)
@@ -218,7 +214,7 @@ def whiten(x: Array, ar: Array, rows: Rows, weight: Array | None = None) -> Arra
 
 
 @entry
-def _whiten(x: Array, ar: Array, rows: Rows, weight: Array, out: Array) -> None:
+def _whiten(x: Array, ar: Array, rows: Indices, weight: Array, out: Array) -> None:
     a, b, c, d, e = ar[0], ar[1], ar[2], ar[3], ar[4]  # written out, it is vectorised along the columns
     for i in range(len(rows)):
         r, w = rows[i], weight[i]

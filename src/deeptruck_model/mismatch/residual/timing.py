@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import SPEED
 from deeptruck_model.mismatch.prepare.prepared import Prepared
@@ -21,7 +21,6 @@ from deeptruck_model.mismatch.residual.evidence import Evidence, Grid, accelerat
 from deeptruck_model.mismatch.residual.noise import Prior
 from deeptruck_model.simulators import Simulator
 
-Array = NDArray[np.float64]
 # Filters of ordinary speed sensors and message periods make every response a little late (s).
 SENSOR_LAG = Prior(np.array([0.03, 0.03]), np.array([0.06, 0.06]), np.zeros(2))
 SLOPE_LATE_S = 0.4  # prior sd: sensors of slope are filtered, and by elevation and distance late or early
@@ -89,7 +88,6 @@ def _around_nothing(count: int, sd: float) -> Prior:
     return Prior(np.zeros(count), np.full(count, sd), np.zeros(count))
 
 
-Mask = NDArray[np.bool_]
 LEAST_CHANGE = 1e-3  # m/s^2 by deciding a sample sooner, for a row to say anything of the moment
 FEWEST = 5  # such rows, to estimate the moment by
 

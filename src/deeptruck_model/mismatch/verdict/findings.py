@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import FELT
 from deeptruck_model.mismatch.correction.fit_result import strength, visible
 from deeptruck_model.mismatch.correction.model import Correction
@@ -36,8 +36,6 @@ from deeptruck_model.mismatch.verdict.road import Road
 from deeptruck_model.mismatch.verdict.sizes import sizes_of
 from deeptruck_model.mismatch.verdict.where import PRINTED
 from deeptruck_model.recordings import Recording
-
-Array = NDArray[np.float64]
 
 FAULT = 0.99  # probability that is reported of a fault, `sensor_sd` off: its deviation is an estimate
 

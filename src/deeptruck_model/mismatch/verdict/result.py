@@ -8,8 +8,8 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.json_data import HIDDEN, SPARSE, from_json, stored, to_json
 from deeptruck_core.signals import Said, Speed
 from deeptruck_model.mismatch.correction.fit_result import FitResult, Interval, Strength
@@ -18,9 +18,6 @@ from deeptruck_model.mismatch.posterior.budget import Budget
 from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.posterior.names import Explanation, Node
 from deeptruck_model.mismatch.prepare.drives import NotRecorded, Rejection
-
-Array = NDArray[np.float64]
-
 
 SCHEMA = 3
 

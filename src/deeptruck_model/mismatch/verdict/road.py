@@ -16,9 +16,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammainc
 
+from deeptruck_core.arrays import Array, Indices, Mask
 from deeptruck_core.signals import FELT
 from deeptruck_core.vehicle_kinds import LARGEST_DERATE, STEEPEST, STRONGEST_WIND
 from deeptruck_model.mismatch.mechanisms.families import UNKNOWN
@@ -27,7 +27,6 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.verdict.slow_force import plain_truck, slow_force
 
-Array = NDArray[np.float64]
 SLOPE, SURFACE = "road_grade", "road_surface"
 LARGEST = {SLOPE: STEEPEST, "headwind": STRONGEST_WIND, "torque_derate": LARGEST_DERATE}  # rms
 OTHER = 0.05  # weight of a slow force that is none of these
@@ -83,7 +82,6 @@ def _tree(e: Evidence, lock: RoadLock) -> Tree:
     return Tree({SLOPE: p * slope, SURFACE: p * (1.0 - slope), UNKNOWN: 1.0 - p})
 
 
-Indices = NDArray[np.intp]
 STEP_M, LENGTH_M = 100.0, 6000.0  # a shorter window of a smooth profile is like many others
 WIDTH = int(LENGTH_M / STEP_M)
 EVERY = 8  # steps between the windows that are sought again
@@ -117,7 +115,7 @@ def road_lock(e: Evidence, force: Array) -> RoadLock | None:
     return RoadLock(same_km, other_km) if same_km or other_km else None
 
 
-def _beyond_chance(found: NDArray[np.bool_]) -> float:
+def _beyond_chance(found: Mask) -> float:
     """Kilometres of the repeated windows; 0 if there are no more than chance would give."""
     km = round(EVERY * STEP_M / 1000.0 * int(found.sum()), 1)
     enough = found.mean() >= Limits.road_share and km >= Limits.road_windows * LENGTH_M / 1000.0

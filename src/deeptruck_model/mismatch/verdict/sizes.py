@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import truncnorm
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column
 from deeptruck_model.mismatch.mechanisms.courses import EachDrive
 from deeptruck_model.mismatch.posterior.posterior import Posterior
@@ -14,9 +14,6 @@ from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.residual.expression import Rerun
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.verdict.result import Size, is_by_drive
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 PER_MASS = ("N", "N m", "W")  # units of constants that are specific
 MAIN_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter

@@ -13,11 +13,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import nnls
 from scipy.stats import theilslopes
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
 from deeptruck_model.mismatch.residual.components import (
     DRIVELINE,
@@ -25,8 +25,6 @@ from deeptruck_model.mismatch.residual.components import (
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
-
-Array = NDArray[np.float64]
 
 LINE_GAIN_DOUBT = 0.1  # relative error that such a line's factor of the engine's force may have
 BRAKE_S, BRAKING = 2.0, 0.02  # braking is left out until it has let go, s and share of the hardest
@@ -161,7 +159,7 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: flo
     return SlowForce(np.where(known, centred, 0.0), rms, needed)
 
 
-def _slow_part(e: Evidence, left: Array, weight: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _slow_part(e: Evidence, left: Array, weight: Array) -> tuple[Array, Mask]:
     """The slow part minus its mean, and where it is known, both (n,)."""
     width = WIDTH_S / e.dt
     use = np.where(e.valid, weight, 0.0)
@@ -171,7 +169,7 @@ def _slow_part(e: Evidence, left: Array, weight: Array) -> tuple[Array, NDArray[
     return smooth - float(np.mean(smooth[known])), known
 
 
-def _size(force: Array, per_unit: Array, known: NDArray[np.bool_]) -> float:
+def _size(force: Array, per_unit: Array, known: Mask) -> float:
     """Rms size of a cause with the effect `per_unit`, where it has any effect."""
     acting = known & (per_unit > 0.3 * float(np.mean(per_unit[known])))
     if not acting.any():

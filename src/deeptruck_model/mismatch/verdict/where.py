@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array, Indices, Mask
 from deeptruck_core.signals import FELT, FELT_SD, Said
 from deeptruck_model.mismatch.correction.fit_result import acts, visible
 from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, SLOW
@@ -18,8 +18,6 @@ from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence, Grid
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.verdict.result import Bound, Finding, Regime, Segment, Witness
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 MOST_SEGMENTS, MOST_REGIMES = 60, 6
 SMALL = 1e-3  # of the range of a signal: a border so near zero is at zero to whoever reads it
 PRINTED = {  # of a signal in a sentence, where its name is not the word
@@ -142,7 +140,7 @@ def _features(e: Evidence) -> dict[str, Array]:
 Box = dict[int, tuple[float, float]]  # lower and upper bound of a column
 
 
-def _boxes(X: Array, power: Array, least: int) -> list[tuple[NDArray[np.intp], Box]]:
+def _boxes(X: Array, power: Array, least: int) -> list[tuple[Indices, Box]]:
     """Rows and bounds of the leaves of a regression tree of `power` (n,) on the columns of X (n, k), grown
     best first; no leaf has fewer rows than `least`. Breiman et al. (1984), Classification and Regression
     Trees."""

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.prepare.places import (
     driven_by_positions,
@@ -18,8 +18,6 @@ from deeptruck_model.mismatch.prepare.places import (
 from deeptruck_model.mismatch.prepare.prepared import Prepared, prepare
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import driving_cycles
-
-Array = NDArray[np.float64]
 
 TRUCK = trucks.load("trucksim")
 DEGREE_M = np.radians(1.0) * 6371e3

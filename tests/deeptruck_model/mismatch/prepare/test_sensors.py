@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import SPEED, TruckInterface
 from deeptruck_model import trucks
@@ -268,7 +268,6 @@ def test_an_accelerometer_that_has_nothing_to_do_with_the_speed_is_compared_all_
             assert np.isfinite(compare(speed, a, STEP_S).lag_s)
 
 
-Array = NDArray[np.float64]
 TRUCK = trucks.load("trucksim")
 RATIO = 24.0  # rad/m, of a truck with one gear
 

@@ -6,8 +6,8 @@ from typing import cast
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import ACCELERATION, SPEED, TruckInterface
 from deeptruck_model.mismatch.prepare.prepared import prepare
@@ -16,8 +16,6 @@ from deeptruck_model.mismatch.residual.evidence import Grid, overall_ratio
 from deeptruck_model.mismatch.residual.expression import Stream
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Run, Simulator, forced_run
-
-Array = NDArray[np.float64]
 
 
 def test_a_slipping_clutch_is_no_lever() -> None:

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from small_drives import evidence
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.constants import GRAVITY
 from deeptruck_model.mismatch.mechanisms.families import UNKNOWN
 from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
@@ -121,7 +121,7 @@ LINE_N, MASS, DRAG = 3600, 28000.0, 1.2e-4
 PER_FUEL = 0.40 * 35.8e3 / MASS  # m/s^2 per cm^3/s, times m/s
 
 
-def drive(seed: int, slope: float, grade_recorded: bool = False) -> tuple[Evidence, NDArray[np.float64]]:
+def drive(seed: int, slope: float, grade_recorded: bool = False) -> tuple[Evidence, Array]:
     """A driver who holds a speed that changes, over hills of this slope; and the slopes, (LINE_N,)."""
     rng = np.random.default_rng(seed)
     wished = 18.0 + 4.0 * np.sin(np.arange(LINE_N) / 47.0) + 1.5 * np.sign(np.sin(np.arange(LINE_N) / 13.0))
@@ -134,7 +134,7 @@ def drive(seed: int, slope: float, grade_recorded: bool = False) -> tuple[Eviden
         v += PER_FUEL * fuel[k] / v - DRAG * v**2 - GRAVITY * (0.006 + hills[k]) + rng.normal(0.0, 0.02)
         speed[k] = v
         distance += v
-    signals: dict[str, NDArray[np.float64]] = {
+    signals: dict[str, Array] = {
         "speed": speed,
         "fuel_rate": fuel,
         "distance": np.cumsum(speed),
@@ -144,7 +144,7 @@ def drive(seed: int, slope: float, grade_recorded: bool = False) -> tuple[Eviden
     return of_signals(signals), hills
 
 
-def of_signals(signals: Mapping[str, NDArray[np.float64]]) -> Evidence:
+def of_signals(signals: Mapping[str, Array]) -> Evidence:
     zero = np.zeros(LINE_N)
     valid = np.ones(LINE_N, dtype=bool)
     drives = (DriveRows("a", 0, LINE_N, 0.0, False),)
@@ -220,7 +220,7 @@ def test_what_is_small_or_doubtful_is_not_said(size: float, doubt: float) -> Non
 
 def test_minutes_are_too_short() -> None:
     e = at_speed(20.0, 0.07)
-    few: NDArray[np.bool_] = np.arange(FORCE_N) < 240
+    few: Mask = np.arange(FORCE_N) < 240
     short = Evidence(
         e.dt, e.drives, e.residual, e.simulated, e.disagreement, few, e.signals, {}, e.mass, e.rerun
     )

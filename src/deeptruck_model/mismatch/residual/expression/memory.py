@@ -8,14 +8,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.expression.nodes import Expression
 from deeptruck_model.trucks.compiled import entry
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
-Array = NDArray[np.float64]
 Number = float | int
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {

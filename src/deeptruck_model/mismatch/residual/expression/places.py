@@ -7,12 +7,10 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.expression.nodes import Expression, Leaf
-
-Array = NDArray[np.float64]
 
 
 class Stepped(Expression):
