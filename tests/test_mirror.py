@@ -31,7 +31,6 @@ deeptruck_model.deep.kernels: inference layers | deeptruck_model/deep/test_truck
 deeptruck_model.fmu: description variables | deeptruck_model/fmu/test_foreign.py
 deeptruck_model.mismatch.verdict: sizes | deeptruck_model/mismatch/verdict/test_findings.py
 deeptruck_model.mismatch.residual.expression: memory | deeptruck_model/mismatch/residual/test_expression.py
-deeptruck_model.mismatch.residual.expression: places | deeptruck_model/mismatch/residual/test_expression.py
 deeptruck_model.mismatch.mechanisms: brakes commands | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
 deeptruck_model.mismatch.mechanisms: driveline engine | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
 deeptruck_model.mismatch.mechanisms: engine_drag load | deeptruck_model/mismatch/mechanisms/test_mechanisms.py

@@ -4,13 +4,28 @@ An Expression is a small tree over named signals. `rows(e)` evaluates it over an
 evaluates several in batches along a simulation; nodes with memory store their state there.
 """
 
-from deeptruck_model.mismatch.residual.expression.memory import Change, Integral, Lag, RisingLag, Since, Slosh
+from deeptruck_model.mismatch.residual.expression.memory import (
+    Change,
+    Integral,
+    Lag,
+    Play,
+    RisingLag,
+    Since,
+    Slosh,
+    Stream,
+)
 from deeptruck_model.mismatch.residual.expression.nodes import (
     Apply,
+    AtPlace,
     Constant,
     Expression,
+    InRecording,
+    Interpolated,
+    Knot,
     Leaf,
+    Rerun,
     Signal,
+    Tent,
     absolute,
     exp,
     lift,
@@ -19,42 +34,9 @@ from deeptruck_model.mismatch.residual.expression.nodes import (
     rows_of,
     tanh,
 )
-from deeptruck_model.mismatch.residual.expression.places import (
-    AtPlace,
-    InRecording,
-    Interpolated,
-    Knot,
-    Play,
-    Rerun,
-    Stream,
-    Tent,
-)
 
 __all__ = [
-    "Apply",
-    "AtPlace",
-    "Change",
-    "Constant",
-    "Expression",
-    "InRecording",
-    "Integral",
-    "Interpolated",
-    "Knot",
-    "Lag",
-    "Leaf",
-    "Play",
-    "Rerun",
-    "RisingLag",
-    "Signal",
-    "Since",
-    "Slosh",
-    "Stream",
-    "Tent",
-    "absolute",
-    "exp",
-    "lift",
-    "maximum",
-    "minimum",
-    "rows_of",
-    "tanh",
-]
+    "Apply", "AtPlace", "Change", "Constant", "Expression", "InRecording", "Integral", "Interpolated",
+    "Knot", "Lag", "Leaf", "Play", "Rerun", "RisingLag", "Signal", "Since", "Slosh", "Stream", "Tent",
+    "absolute", "exp", "lift", "maximum", "minimum", "rows_of", "tanh",
+]  # fmt: skip

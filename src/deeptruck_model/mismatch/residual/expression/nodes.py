@@ -12,6 +12,9 @@ from deeptruck_core.arrays import Array
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Number = float | int
+Values = Sequence[Array]  # of the inputs
+Signals = Mapping[str, Array]
+Step = tuple[Array, Any]  # the value (batch,) and the new memory
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "add": np.add,
@@ -36,7 +39,7 @@ class Expression:
         """Values over stacked recordings, (n,); memory is reset at the start of each recording."""
         return rows_of([self], e)[0]
 
-    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+    def over(self, values: Values, e: Evidence) -> Array:
         """Values over stacked recordings, given the values of the inputs."""
         raise NotImplementedError
 
@@ -48,9 +51,7 @@ class Expression:
         """Memory at the start of a simulation."""
         return None
 
-    def advance(
-        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
-    ) -> tuple[Array, Any]:
+    def advance(self, values: Values, memory: Any, now: Signals, dt: float) -> Step:
         """One step: the value (batch,) and the new memory."""
         raise NotImplementedError
 
@@ -132,16 +133,38 @@ def absolute(a: Expression) -> Expression:
     return Apply("abs", (a,))
 
 
+class Pointwise(Expression):
+    """An expression whose value in each row follows from its inputs in that row, by `at`."""
+
+    def at(self, values: Values) -> Array:
+        """The values, given those of the inputs."""
+        raise NotImplementedError
+
+    def over(self, values: Values, e: Evidence) -> Array:
+        with np.errstate(all="ignore"):
+            return self.at(values)
+
+    def advance(self, values: Values, memory: Any, now: Signals, dt: float) -> Step:
+        return self.at(values), memory  # a stream ignores what is no number
+
+
+class OfRecordings(Expression):
+    """An expression of single recordings; in a simulation its value is `elsewhere`."""
+
+    elsewhere: float = 0.0
+
+    def advance(self, values: Values, memory: Any, now: Signals, dt: float) -> Step:
+        return np.float64(self.elsewhere), memory  # type: ignore[return-value]
+
+
 @dataclass(frozen=True, eq=False)
 class Constant(Leaf):
     value: float
 
-    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+    def over(self, values: Values, e: Evidence) -> Array:
         return np.full(len(e), self.value)
 
-    def advance(
-        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
-    ) -> tuple[Array, Any]:
+    def advance(self, values: Values, memory: Any, now: Signals, dt: float) -> Step:
         return np.float64(self.value), memory  # type: ignore[return-value]
 
 
@@ -156,13 +179,11 @@ class Signal(Leaf):
     def signals(self) -> frozenset[str]:
         return frozenset({self.name})
 
-    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+    def over(self, values: Values, e: Evidence) -> Array:
         x = e.signals.get(self.name)
         return np.full(len(e), self.missing) if x is None else np.where(np.isfinite(x), x, self.missing)
 
-    def advance(
-        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
-    ) -> tuple[Array, Any]:
+    def advance(self, values: Values, memory: Any, now: Signals, dt: float) -> Step:
         x = now.get(self.name)
         if x is None:
             absent = self.missing if self.simulated is None else self.simulated
@@ -171,18 +192,89 @@ class Signal(Leaf):
 
 
 @dataclass(frozen=True, eq=False)
-class Apply(Expression):
+class Apply(Pointwise):
     """An elementwise function of its inputs."""
 
     function: str
     inputs: tuple[Expression, ...]
 
-    def over(self, values: Sequence[Array], e: Evidence) -> Array:
-        with np.errstate(all="ignore"):
-            out: Array = FUNCTIONS[self.function](*values)
-        return out
+    def at(self, values: Values) -> Array:
+        return np.asarray(FUNCTIONS[self.function](*values))
 
-    def advance(
-        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
-    ) -> tuple[Array, Any]:
-        return FUNCTIONS[self.function](*values), memory  # a stream ignores what is no number
+
+@dataclass(frozen=True, eq=False)
+class Tent(Pointwise):
+    """A linear B-spline at `knot`: one at the knot, zero `width` away on either side."""
+
+    inputs: tuple[Expression, ...]
+    knot: float
+    width: float
+
+    def at(self, values: Values) -> Array:
+        return np.maximum(1.0 - np.abs(values[0] - self.knot) / self.width, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class AtPlace(Tent):
+    """A Tent over the road position; `elsewhere` if the position is unknown, which an input below
+    zero means."""
+
+    elsewhere: float
+
+    def at(self, values: Values) -> Array:
+        return np.where(values[0] < 0.0, self.elsewhere, super().at(values))
+
+
+@dataclass(frozen=True, eq=False)
+class Interpolated(Pointwise):
+    """Piecewise-linear function of the input through points (`knots`, `values`), constant beyond them."""
+
+    inputs: tuple[Expression, ...]
+    knots: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def at(self, values: Values) -> Array:
+        return np.interp(values[0], self.knots, self.values)
+
+
+@dataclass(frozen=True, eq=False)
+class Knot(OfRecordings):
+    """A Tent in one recording."""
+
+    inputs: tuple[Expression, ...]
+    index: int
+    knot: float
+    width: float
+    elsewhere: float
+
+    def over(self, values: Values, e: Evidence) -> Array:
+        tent = np.maximum(1.0 - np.abs(values[0] - self.knot) / self.width, 0.0)
+        return np.where(e.record == self.index, tent, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class InRecording(OfRecordings, Leaf):
+    """One in the named recording (from `from_s` on), zero in others."""
+
+    index: int
+    from_s: float = 0.0
+    elsewhere: float = 0.0
+
+    def over(self, values: Values, e: Evidence) -> Array:
+        return ((e.record == self.index) & (e["elapsed"] >= self.from_s)).astype(float)
+
+
+@dataclass(frozen=True, eq=False)
+class Rerun(OfRecordings, Leaf):
+    """Change of the simulated acceleration if commands take another path; in a simulation CommandPath
+    computes it."""
+
+    path: str
+    amount: float
+
+    def signals(self) -> frozenset[str]:
+        which = self.path.split("_")[1]
+        return frozenset({"engine", "brake"} if which == "all" else {which})
+
+    def over(self, values: Values, e: Evidence) -> Array:
+        return e.rerun(self.path, self.amount)
