@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.mechanisms.own import check_extras, checked, not_c
 from deeptruck_model.mismatch.posterior.budget import budget
 from deeptruck_model.mismatch.posterior.events import with_events
 from deeptruck_model.mismatch.posterior.names import Compared, names
-from deeptruck_model.mismatch.posterior.own_error import with_own_error
+from deeptruck_model.mismatch.posterior.own_error import with_reference_error
 from deeptruck_model.mismatch.posterior.posterior import gains
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters
@@ -70,17 +70,17 @@ def find_mismatch(
     for a mass that is impossible or differs from the simulator's, and for a simulator whose acceleration no
     vehicle has.
     """
-    own = checked(mechanisms, LIBRARY.values())
-    joined(own)
+    user_mechanisms = checked(mechanisms, LIBRARY.values())
+    joined(user_mechanisms)
     truck, to_fit, to_hold_out = called(
         simulator, recordings, held_out, seed=seed, exclude=exclude, without=without, say=say, rules=rules,
         mass_kg=mass_kg,
     )  # fmt: skip
-    check_extras(own, [*to_fit, *to_hold_out])
+    check_extras(user_mechanisms, [*to_fit, *to_hold_out])
     with threadpool_limits(1), steps(say, "checking the data") as say:
         c = compared(
             truck, to_fit, to_hold_out, seed=seed, exclude=exclude, without=without, say=say, rules=rules,
-            mass_kg=mass_kg, mechanisms=own,
+            mass_kg=mass_kg, mechanisms=user_mechanisms,
         )  # fmt: skip
         if not isinstance(c, Compared):
             return Mismatch(unusable(c), None, {}, None, c.prepared)
@@ -140,10 +140,10 @@ def compared(
 
     say("driving the simulator along the recordings")
     e = gather(simulator, drives.prepared, drives.held_out, seed=seed, rules=rules, mass_kg=mass_kg, say=say)
-    drives, e = left_to_compare(drives, replace(e, own=mechanisms))
+    drives, e = left_to_compare(drives, replace(e, user_mechanisms=mechanisms))
     if drives.unusable_because:
         return drives
-    e = with_own_error(simulator, e, drives.prepared[0].measured_acceleration, seed)
+    e = with_reference_error(simulator, e, drives.prepared[0].measured_acceleration, seed)
 
     say(COMPARING)
     search = at_fitted_parameters(simulator, drives, e, seed, exclude, say)
@@ -160,7 +160,7 @@ def _caveats(simulator: Simulator, e: Evidence) -> Iterator[str]:
     """Remarks on the simulator."""
     if says := said_of_rollout(simulator):
         yield f"{says}; see 'deeptruck-model check-simulator'"
-    if e.itself is None and not e.known_physics:
+    if e.reference is None and not e.known_physics:
         yield wording.COUNTS_AS_LEARNED
     if not e.mass_known:
         yield wording.WITHOUT_MASS
@@ -248,5 +248,5 @@ def _nats(simulator: Simulator, drives: Sequence[Prepared], seed: int, rules: Ru
     e = gather(simulator, drives, [False] * len(drives), seed=seed, rules=rules)
     if float(e.valid.sum()) * e.dt < Limits.least_driving_s:
         return {}
-    search = Regression(with_own_error(simulator, e, drives[0].measured_acceleration, seed))
+    search = Regression(with_reference_error(simulator, e, drives[0].measured_acceleration, seed))
     return gains(search)

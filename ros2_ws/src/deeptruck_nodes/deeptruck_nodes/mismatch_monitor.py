@@ -13,7 +13,7 @@ from sensor_msgs.msg import Imu, JointState, Range
 from deeptruck_model import simulators
 from deeptruck_model.mismatch.live.companion import Companion
 from deeptruck_model.mismatch.live.monitor import Located, Monitor, Sample, Window
-from deeptruck_model.mismatch.live.questions import UNITS, NamesReply, Own, Question, Reply
+from deeptruck_model.mismatch.live.questions import UNITS, DriveState, NamesReply, Question, Reply
 from deeptruck_model.mismatch.mechanisms.families import ROOT
 from deeptruck_model.mismatch.verdict.wording import percent, spoken
 from deeptruck_nodes import messages
@@ -63,7 +63,7 @@ class MismatchMonitor(DeeptruckNode):
             import deeptruck_model.mismatch.live.adaptation  # noqa: F401 - which takes long, and not while driving
         self._due = FIRST_S
         self._asked_at = 0  # stamp of the last question
-        self._own: Own | None = None
+        self._drive_state: DriveState | None = None
         self._stated = ROOT
         self._refused: set[str] = set()
         self._said: dict[str, object] = {}
@@ -123,9 +123,9 @@ class MismatchMonitor(DeeptruckNode):
             self._put(self._newest.copy(), stamp)
 
     def _put(self, window: Window, stamp: int, adapts: float = 0.0) -> None:
-        of, own, no_load = self.p["simulator"], self._own, self.p["no_load"]
+        of, state, no_load = self.p["simulator"], self._drive_state, self.p["no_load"]
         self._asked_at = stamp
-        self._companion.ask(lambda: Question(of, window.heard(), own, adapts, no_load))
+        self._companion.ask(lambda: Question(of, window.heard(), state, adapts, no_load))
         self._take(waits=self.lockstep)
 
     def _take(self, *, waits: bool) -> None:
@@ -137,7 +137,7 @@ class MismatchMonitor(DeeptruckNode):
             return
         if answer is None:
             return
-        if isinstance(answer.found, Own):
+        if isinstance(answer.found, DriveState):
             self._adapt(answer.found)
         elif isinstance(answer.found, NamesReply):
             self._name(answer.found, answer)
@@ -151,15 +151,15 @@ class MismatchMonitor(DeeptruckNode):
             print(f"no answer from the last minutes: {why}", flush=True)
         self._refused.add(why)
 
-    def _adapt(self, own: Own) -> None:
-        from deeptruck_model.mismatch.live.adaptation import with_own
+    def _adapt(self, state: DriveState) -> None:
+        from deeptruck_model.mismatch.live.adaptation import with_state
 
-        self._own = own
-        if own.known:
-            self._monitor.goes_on_with(with_own(self._simulator, own))
-        for name, quantity in own.each.items():
-            self._said[f"own_{name}"] = f"{quantity.state} {own.used(name):+.4g} {UNITS[name]}"
-        print(f"this drive's own, from {own.seconds:.0f} s of it: {own}", flush=True)
+        self._drive_state = state
+        if state.known:
+            self._monitor.goes_on_with(with_state(self._simulator, state))
+        for name, quantity in state.each.items():
+            self._said[f"own_{name}"] = f"{quantity.state} {state.used(name):+.4g} {UNITS[name]}"
+        print(f"this drive's own, from {state.seconds:.0f} s of it: {state}", flush=True)
 
     def _name(self, found: NamesReply, answer: Reply) -> None:
         stamp = self._asked_at

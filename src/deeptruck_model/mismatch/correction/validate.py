@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student_t
 
-from deeptruck_core.arrays import Array
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.correction.fit_result import Errors, FitResult, WithoutExogenous, strength
 from deeptruck_model.mismatch.correction.free_runs import (
@@ -21,7 +20,7 @@ from deeptruck_model.mismatch.correction.free_runs import (
 )
 from deeptruck_model.mismatch.correction.model import Correction
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
-from deeptruck_model.mismatch.posterior.own_error import own_drives
+from deeptruck_model.mismatch.posterior.own_error import reference_drives
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives
 from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -36,7 +35,7 @@ class Validated:
 
     errors: dict[str, Errors]
     judged: FitResult
-    own_error: float | None
+    reference_error: float | None
     better: frozenset[str]  # simulators that are significantly better than the one as given
 
 
@@ -65,9 +64,13 @@ def validate(simulator: Simulator, correction: Correction, drives: PreparedDrive
         without_exogenous=without,
         scales_forces=not simulator.parameters(),
     )
-    own = own_error(simulator, held_out[0].measured_acceleration, horizon_s) if held_out else None
+    reference = (
+        error_on_reference(simulator, held_out[0].measured_acceleration, horizon_s) if held_out else None
+    )
     along_fitted = free_windows(simulator, fitted, horizon_s)
-    return Validated(errors | {"fitted": along_fitted}, fit, own, _those_better(errors, correction, e.rules))
+    return Validated(
+        errors | {"fitted": along_fitted}, fit, reference, _those_better(errors, correction, e.rules)
+    )
 
 
 def _those_better(errors: Mapping[str, Errors], correction: Correction, rules: Rules) -> frozenset[str]:
@@ -101,23 +104,13 @@ def _better(errors: Mapping[str, Errors], correction: Correction, name: str, rul
     ]
     if correction.left_out:
         pairs += list(zip(correction.left_out["before"], correction.left_out[name], strict=True))
-    ratio = _log_ratio(np.array(pairs), rules)
-    return float(ratio.mean()) < 0.0 and (interval(before, after)[0] > 0.0 or _falls(ratio, rules))
-
-
-def _log_ratio(pairs: Array, rules: Rules) -> Array:
-    """Logarithm (drives,) of the ratio of drives' errors (drives, 2), m/s, after to before. What is
-    too small for a finding is added to both in quadrature, so that smaller errors hardly count."""
-    floored = np.hypot(pairs, rules.drift)
-    return np.asarray(np.log(floored[:, 1] / floored[:, 0]))
-
-
-def _falls(ratio: Array, rules: Rules) -> bool:
-    """Whether drives' ratios of errors, as `_log_ratio` gives them, are below `rules.better`, at the
-    one-sided confidence `falls`."""
-    if len(ratio) < Limits.drives_that_agree:
+    floored = np.hypot(np.array(pairs), rules.drift)  # errors too small for a finding hardly count
+    ratio, count = np.log(floored[:, 1] / floored[:, 0]), len(floored)
+    if ratio.mean() >= 0.0:
         return False
-    wide = float(student_t.ppf(Limits.falls, len(ratio) - 1)) * ratio.std(ddof=1) / np.sqrt(len(ratio))
+    if interval(before, after)[0] > 0.0 or count < Limits.drives_that_agree:
+        return interval(before, after)[0] > 0.0
+    wide = student_t.ppf(Limits.falls, count - 1) * ratio.std(ddof=1) / np.sqrt(count)
     return bool(ratio.mean() + wide < np.log(rules.better))
 
 
@@ -132,10 +125,10 @@ def _without_exogenous(
     return WithoutExogenous(lacks, errors.rmse().speed) if len(errors.speed) else None
 
 
-def own_error(simulator: Simulator, measured_acceleration: bool, horizon_s: float) -> float | None:
+def error_on_reference(simulator: Simulator, measured_acceleration: bool, horizon_s: float) -> float | None:
     """Rms speed error, m/s, of a learned simulator in free runs on the recordings stored in it; None if it
     has none, or has parameters."""
     if simulator.parameters():
         return None
-    errors = free_windows(simulator, own_drives(simulator, measured_acceleration), horizon_s)
+    errors = free_windows(simulator, reference_drives(simulator, measured_acceleration), horizon_s)
     return errors.rmse().speed if len(errors.speed) else None

@@ -21,10 +21,10 @@ from deeptruck_core.terminal.progress import steps
 from deeptruck_core.vehicle_kinds import STEEPEST
 from deeptruck_model.checks import calls
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.live.questions import Own, Quantity, State
+from deeptruck_model.mismatch.live.questions import DriveState, Quantity, State
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, candidate_term, variant
 from deeptruck_model.mismatch.posterior.kernels import Kernel
-from deeptruck_model.mismatch.posterior.own_error import with_own_error
+from deeptruck_model.mismatch.posterior.own_error import with_reference_error
 from deeptruck_model.mismatch.posterior.posterior import DRIFT_ODDS, Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.prepare.drives import clean, same_signals
@@ -54,7 +54,7 @@ class Adapted:
     force."""
 
     truck: CorrectedTruck
-    own: Own
+    own: DriveState
 
     @property
     def constant(self) -> float:
@@ -68,12 +68,12 @@ class Adapted:
         return (high - low) / (2.0 * Z95)
 
 
-def with_own(simulator: Simulator, own: Own) -> CorrectedTruck:
+def with_state(simulator: Simulator, state: DriveState) -> CorrectedTruck:
     """The simulator with the load, wind and constant force estimated for a drive."""
-    sizes = {WIND: own.used("wind"), BIAS: -own.used("constant") / GRAVITY}
+    sizes = {WIND: state.used("wind"), BIAS: -state.used("constant") / GRAVITY}
     terms = [Term(name, (STEADY[name],), (size,)) for name, size in sizes.items() if size]
-    load = own.used("load")
-    return CorrectedTruck(simulator, terms, {LOAD: load} if load else {}, own.shares, True)
+    load = state.used("load")
+    return CorrectedTruck(simulator, terms, {LOAD: load} if load else {}, state.shares, True)
 
 
 def adapt(
@@ -94,23 +94,23 @@ def adapt(
     simulator = completed(simulator)
     recordings = known(recordings, rate_hz=1.0 / simulator.dt)
     with threadpool_limits(1), steps(say, "driving the simulator along the recording"):
-        own = own_of(simulator, begin(simulator, recordings, first_s), rules)
-    if own is None:
+        state = state_of(simulator, begin(simulator, recordings, first_s), rules)
+    if state is None:
         raise InputError(
             f"of the first {first_s:g} s of '{recordings[0].name}' too little can be compared; "
             "record longer, or take more of it by --first-s"
         )
-    return Adapted(with_own(simulator, own), own)
+    return Adapted(with_state(simulator, state), state)
 
 
-def own_of(simulator: Simulator, drives: Sequence[Prepared], rules: Rules) -> Own | None:
+def state_of(simulator: Simulator, drives: Sequence[Prepared], rules: Rules) -> DriveState | None:
     """Load, wind and constant force of the drive with these prepared pieces; None if too little can be
     compared."""
     e = gather(simulator, drives, [False] * len(drives), rules=rules)
     e, _ = braking(e)
     if e.valid.sum() * e.dt < Limits.least_driving_s:
         return None
-    e = with_own_error(simulator, e, drives[0].measured_acceleration, 0)
+    e = with_reference_error(simulator, e, drives[0].measured_acceleration, 0)
     columns = {name: candidate_term(LIBRARY[name], STEADY[name], e).columns for name in STEADY}
     if LOAD in e.sensitivity:
         columns[LOAD] = e.sensitivity[LOAD][:, None]
@@ -119,7 +119,7 @@ def own_of(simulator: Simulator, drives: Sequence[Prepared], rules: Rules) -> Ow
     p = posterior(search, blocks)
     rise, wind = (_quantity(p.probability(n), _drawn(p, n), STRONGEST[n], rules) for n in STEADY)
     load = _load(p) if LOAD in columns else Quantity()
-    return Own(load, wind, _constant(rise), float(e.valid.sum() * e.dt), Shares.if_unreported(e))
+    return DriveState(load, wind, _constant(rise), float(e.valid.sum() * e.dt), Shares.if_unreported(e))
 
 
 def _constant(rise: Quantity) -> Quantity:

@@ -15,8 +15,8 @@ from threadpoolctl import threadpool_limits
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
 from deeptruck_model.mismatch.find import compared
-from deeptruck_model.mismatch.live.adaptation import adapt, with_own
-from deeptruck_model.mismatch.live.questions import NamesReply, Own, Question, Reply
+from deeptruck_model.mismatch.live.adaptation import adapt, with_state
+from deeptruck_model.mismatch.live.questions import DriveState, NamesReply, Question, Reply
 from deeptruck_model.mismatch.mechanisms.families import ROOT, UNKNOWN
 from deeptruck_model.mismatch.posterior.names import Compared, Node
 from deeptruck_model.mismatch.report import lines
@@ -41,8 +41,8 @@ def answer(question: Question) -> Reply:
     return Reply(found, refused, time.process_time() - begun)
 
 
-def _found(question: Question) -> NamesReply | Own:
-    simulator = _loaded(question.simulator, question.own)
+def _found(question: Question) -> NamesReply | DriveState:
+    simulator = _loaded(question.simulator, question.state)
     recordings = of_messages(
         "this drive",
         question.heard,
@@ -57,9 +57,9 @@ def _found(question: Question) -> NamesReply | Own:
 
 
 @lru_cache(maxsize=2)
-def _loaded(path: str, own: Own | None) -> Simulator:
+def _loaded(path: str, state: DriveState | None) -> Simulator:
     simulator = completed(simulators.load(path))
-    return with_own(simulator, own) if own is not None and own.known else simulator
+    return with_state(simulator, state) if state is not None and state.known else simulator
 
 
 def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules()) -> NamesReply:

@@ -40,7 +40,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Own:
+class DriveState:
     """Load, wind and constant force of a drive, from its first `seconds` that could be compared. `shares`
     split the forces of a simulator that does not report them."""
 
@@ -84,12 +84,12 @@ def _says(name: str, q: Quantity) -> str:
 class Question:
     """A question about the last minutes of a truck, or (`adapts`) about the first minutes of its drive.
 
-    `own` is the simulator's present adaptation. With `no_load` no command drives the truck.
+    `state` is the simulator's present adaptation. With `no_load` no command drives the truck.
     """
 
     simulator: str
     heard: Mapping[str, Received]
-    own: Own | None = None
+    state: DriveState | None = None
     adapts: float = 0.0  # s from the start by which the simulator is adapted to the drive; 0: find names
     no_load: bool = False
 
@@ -112,6 +112,6 @@ class NamesReply:
 class Reply:
     """The result, or why the question is `refused`, and the processor time used, s."""
 
-    found: NamesReply | Own | None
+    found: NamesReply | DriveState | None
     refused: str = ""
     cpu_s: float = 0.0

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 JOLTS = 0.02  # of the time, that count for nothing
 
 
-def own_drives(simulator: Simulator, measured_acceleration: bool) -> list[Prepared]:
+def reference_drives(simulator: Simulator, measured_acceleration: bool) -> list[Prepared]:
     """The held-out recordings stored in a learned simulator; empty if they are too short."""
     try:
         prepared = [
@@ -34,12 +34,14 @@ def own_drives(simulator: Simulator, measured_acceleration: bool) -> list[Prepar
     return prepared if sum(float(p.valid.sum()) * p.dt for p in prepared) >= Limits.least_driving_s else []
 
 
-def with_own_error(simulator: Simulator, e: Evidence, measured_acceleration: bool, seed: int) -> Evidence:
+def with_reference_error(
+    simulator: Simulator, e: Evidence, measured_acceleration: bool, seed: int
+) -> Evidence:
     """The evidence with a learned simulator's error on its held-out recordings, and the slow part of that
     error; unchanged for a physics truck."""
     if e.known_physics:
         return e
-    drives = own_drives(simulator, measured_acceleration)
+    drives = reference_drives(simulator, measured_acceleration)
     try:
         own = gather(simulator, drives, [False] * len(drives), seed=seed, rules=e.rules) if drives else None
     except InputError:
@@ -53,7 +55,9 @@ def with_own_error(simulator: Simulator, e: Evidence, measured_acceleration: boo
     own = replace(
         own, model_discrepancy=float(np.sqrt(np.mean(quiet**2))), learned_slow_noise=_slow_noise(own)
     )
-    return replace(e, model_discrepancy=own.model_discrepancy, learned_slow_noise=own.slow_noise, itself=own)
+    return replace(
+        e, model_discrepancy=own.model_discrepancy, learned_slow_noise=own.slow_noise, reference=own
+    )
 
 
 def _second_means(e: Evidence) -> Array:

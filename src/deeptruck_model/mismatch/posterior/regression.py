@@ -112,12 +112,12 @@ class Regression:
         self.rows = np.flatnonzero(self.series.usable())
         self.library = [
             m
-            for m in (*LIBRARY.values(), *evidence.own)
+            for m in (*LIBRARY.values(), *evidence.user_mechanisms)
             if m.effect not in set(exclude) and evidence.has(*m.needs)
         ]
         gain = evidence.signals.get("effective_mass_gain", np.ones(len(evidence)))[evidence.valid]
         self.mass_gain = float(np.median(gain)) if len(gain) else 1.0
-        self.own = Regression(evidence.itself) if evidence.itself is not None else None
+        self.own = Regression(evidence.reference) if evidence.reference is not None else None
         self.fitted: dict[str, tuple[CandidateTerm, ...]] = {}  # at constants that fit these data
         self._candidate_terms: dict[str, list[CandidateTerm]] = {}
         self._models: dict[tuple[object, ...], Model] = {}

@@ -129,7 +129,7 @@ class _About:
             anew.without(self.e.hidden),
             model_discrepancy=self.e.model_discrepancy,
             learned_slow_noise=self.e.learned_slow_noise,
-            itself=self.e.itself,
+            reference=self.e.reference,
         )
 
 

@@ -154,6 +154,10 @@ def prepare_drives(
     rejected = sorted([*rejected, *left_out], key=lambda r: -r.samples)
     lost = [NO_PLACE.format(", ".join(names))] if (names := without_a_place(compared)) else []
     lost += [OWN_ROAD.format(", ".join(names))] if (names := on_a_road_of_its_own(compared)) else []
+    fitted = list(compress(compared, to_fit))
+    why = unusable(fitted, rejected)
+    if why is None and (share := forgotten(simulator, fitted)) > Limits.forgotten:
+        why = FORGETS.format(share=share)
     return PreparedDrives(
         compared,
         split.held_out,
@@ -161,7 +165,7 @@ def prepare_drives(
         tuple(rejected),
         (*split.remarks, *lost),
         missing,
-        _unusable(simulator, list(compress(compared, to_fit)), rejected),
+        why,
         tuple(doubts),
     )
 
@@ -222,14 +226,6 @@ def _comparable(
     for rule, before, after in ((OUTSIDE_TRAINING, drives, known), (LEFT_OUT, known, kept)):
         left_out[rule] = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(before, after, strict=True))
     return kept, [Rejection(rule, samples) for rule, samples in left_out.items() if samples]
-
-
-def _unusable(simulator: Simulator, to_fit: Sequence[Prepared], rejected: Sequence[Rejection]) -> str | None:
-    """Why nothing can be compared, or None."""
-    why = unusable(to_fit, rejected)
-    if why is None and (share := forgotten(simulator, to_fit)) > Limits.forgotten:
-        why = FORGETS.format(share=share)
-    return why
 
 
 def _excluding(p: Prepared, spans: Sequence[Span]) -> Prepared:

@@ -162,7 +162,12 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
             f"{accelerometer.degrees_of_tilt(found.offset):.1f} degrees"
         )
         felt = SensorFault("acceleration_bias", found.offset, 0.0, "m/s^2", says)
-        level = [_level(r, found) for r in recordings]
+        level = []
+        for r in recordings:  # without gravity on slopes; NaN where no grade is known
+            grade = r.channels.get("grade", np.full(len(r), np.nan))
+            gravity = found.offset + found.gravity * GRAVITY * np.sin(np.arctan(grade))
+            channels = {**r.channels, "acceleration": r.channels["acceleration"] - gravity}
+            level.append(replace(r, channels=channels))
         return [felt, *(f for f in sensor_faults(level, rules) if f.effect != felt.effect)]
     seen = [compare(r.channels["speed"], r.channels["acceleration"], r.dt) for r in recordings]
     seen = [k for k in seen if np.isfinite(k.slope)]
@@ -181,13 +186,6 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
     if abs(lag) > rules.clock_offset_s and abs(lag) > rules.sensor_sd * lag_se:
         faults.append(SensorFault("clock_offset", lag, lag_se, "s", _late("acceleration", lag)))
     return faults
-
-
-def _level(r: Recording, found: accelerometer.Accelerometer) -> Recording:
-    """The recording with its accelerometer corrected for gravity on slopes; NaN where no grade is known."""
-    grade = r.channels.get("grade", np.full(len(r), np.nan))
-    felt = found.offset + found.gravity * GRAVITY * np.sin(np.arctan(grade))
-    return replace(r, channels={**r.channels, "acceleration": r.channels["acceleration"] - felt})
 
 
 def _late(channel: str, lag_s: float) -> str:
@@ -288,8 +286,11 @@ def check_speed_unit(simulator: Simulator, prepared: Sequence[Prepared]) -> None
     """Raises InputError if speed and engine speed of the first drive that has both differ by the factor of a
     unit. Other factors are inconclusive, because tyres and axles differ."""
     first = next((p for p in prepared if "engine_speed" in p.recording.channels), None)
-    scale = _scale(simulator, first) if first is not None else None
-    if first is None or scale is None or 1.0 / GEARS_AT_MOST < scale < GEARS_AT_MOST:
+    ratios = np.zeros(0) if first is None else _ratios(simulator, first)
+    if first is None or not len(ratios):
+        return
+    scale = float(np.median(ratios))
+    if 1.0 / GEARS_AT_MOST < scale < GEARS_AT_MOST:
         return
     if unit := factor_of(scale, SPEEDS):
         raise InputError(
@@ -334,12 +335,6 @@ def _beyond(
         return []
     scale, se = found
     return [SensorFault("speed_scale", scale, se, "1", says.format(scale=scale), equation, between, "speed")]
-
-
-def _scale(simulator: Simulator, p: Prepared) -> float | None:
-    """The factor by which speed is too large; None if the simulator or the recording lacks a channel."""
-    ratios = _ratios(simulator, p)
-    return float(np.median(ratios)) if len(ratios) else None
 
 
 def _ratios(simulator: Simulator, p: Prepared, same_gear: bool = False) -> Array:

@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.correction.fit_result import Errors
 from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.report.found import Mismatch
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
-from deeptruck_model.mismatch.verdict.result import Segment, Verdict
+from deeptruck_model.mismatch.verdict.result import Segment
 from deeptruck_model.mismatch.verdict.wording import spoken
 
 MOST_ROWS = 60000  # of all drives together; more are averaged: 1 h 40 min at ten samples a second
@@ -56,15 +56,22 @@ def text(found: Mismatch, e: Evidence) -> str:
     where: list[Segment | Event] = [*v.segments, *v.events]
     first = next((x for x in where[:1] if any(d["name"] == x.recording for d in drives)), None)
     names = list(dict.fromkeys(n for d in drives for n in d["columns"]))
+    of_brakes = bool(v.findings) and v.findings[0].family == "brakes"
+    commands = ("brake_command", "engine_command")[not of_brakes :]
     return json.dumps(
         {
             "drives": drives,
             "events": [{"drive": x.recording, "from": x.start_s, "to": x.end_s} for x in v.events],
             "segments": [{"drive": s.recording, "from": s.start_s, "to": s.end_s} for s in v.segments],
-            "first": _shown(first) if first is not None else None,
+            "first": first
+            and {
+                "drive": first.recording,
+                "from": max(first.start_s - AROUND_S, 0.0),
+                "to": first.end_s + AROUND_S,
+            },
             "labels": {n: n.replace("_", " ") for n in names},
             "units": {n: "m/s" if n in SPEEDS else _UNITS.get(n) or unit(n, e.command_units) for n in names},
-            "channel": next((n for n in _of_interest(v) if n in names), "missing"),
+            "channel": next((n for n in commands if n in names), "missing"),
         },
         allow_nan=False,
         separators=(",", ":"),
@@ -115,13 +122,3 @@ def packed(x: NDArray[Any], dt: float, per: int) -> dict[str, Any]:
         "by": by,
         "codes": base64.b64encode(codes.tobytes()).decode(),
     }
-
-
-def _of_interest(v: Verdict) -> tuple[str, ...]:
-    """The channels to show first."""
-    brakes = v.findings and v.findings[0].family == "brakes"
-    return ("brake_command", "engine_command") if brakes else ("engine_command",)
-
-
-def _shown(s: Segment | Event) -> dict[str, Any]:
-    return {"drive": s.recording, "from": max(s.start_s - AROUND_S, 0.0), "to": s.end_s + AROUND_S}

@@ -56,7 +56,8 @@ def headline(v: Verdict) -> str:
     """What is missing, in which drives, its share of the error, and the next step; no name where the
     simulator is good enough."""
     if not v.findings:
-        besides = f", but for {_count(len(v.events), 'event')} of seconds" if v.events else ""
+        count = len(v.events)
+        besides = f", but for {count} event{'s' * (count > 1)} of seconds" if count else ""
         step = f": {_next_step(v)}" if v.validated or v.data.doubts else ""
         return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED]) + besides + step
     f = v.findings[0]
@@ -83,13 +84,6 @@ def _good_enough(v: Verdict) -> bool:
     return sound and good is not None and good.answer is Answer.YES
 
 
-def _share(v: Verdict, f: Finding) -> str:
-    """The share of the error of a finding's part of the budget."""
-    parts = v.budget.parts if v.budget is not None else ()
-    part = next((p for p in parts if p.share == f.share_of_error), None)
-    return percent(f.share_of_error or 0.0) if part is None else share_of(part)
-
-
 def share_of(p: Part) -> str:
     """The share of a part of the budget; its interval where that is too wide for one number."""
     if p.high - p.low > WIDE:
@@ -101,7 +95,10 @@ def _in_drives(v: Verdict, f: Finding) -> str:
     """A finding with the drives in which it acts and its share of the error."""
     drives = ", ".join(_drive(f, name) for name in f.in_drives)
     what = f"in {drives} alone of the fitted drives, {_what(f)}" if drives else _what(f) + _by_drive(f)
-    share = f", {_share(v, f)} of the squared error" if f.share_of_error is not None else ""
+    parts = v.budget.parts if v.budget is not None else ()
+    part = next((p for p in parts if p.share == f.share_of_error), None)
+    of_all = percent(f.share_of_error or 0.0) if part is None else share_of(part)
+    share = f", {of_all} of the squared error" if f.share_of_error is not None else ""
     where = Said(", mostly where ", f.in_condition) if f.in_condition else ""
     return Said(what, where, share)
 
@@ -178,10 +175,6 @@ def interval(x: Size, scale: float, unit: str, *, sign: bool = False) -> str:
 def _number(x: float, unit: str, sign: bool) -> str | Speed:
     """Three digits of a size, with a plus before positive ones if `sign`; one in m/s stays a speed."""
     return Speed(x, 3, with_unit=False, sign=sign) if unit == SPEED_UNIT else digits(x, sign=sign)
-
-
-def _count(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _what(f: Finding) -> str:

@@ -59,7 +59,11 @@ def _in_units(content: dict[str, Any], units: str) -> dict[str, Any]:
         "not_recorded",
         "where",
     )
-    said = {name: _said(content[name], units) for name in sentences}
+    said = {
+        name: shown(text, units) if isinstance(text, str) else [shown(line, units) for line in text]
+        for name, text in content.items()
+        if name in sentences
+    }
     answers = [one._replace(reason=shown(one.reason, units)) for one in content["lights"]]
     findings = [
         {**f, "rows": [[shown(cell, units) for cell in row] for row in f["rows"]]}
@@ -68,10 +72,6 @@ def _in_units(content: dict[str, Any], units: str) -> dict[str, Any]:
     errors = [(name, *(f"{per * float(x):.3f}" for x in cells)) for name, *cells in content["errors"]]
     changed = {"lights": answers, "errors": errors, "findings": findings}
     return {**content, **said, **changed, "units": units, "per": per}
-
-
-def _said(text: Any, units: str) -> Any:
-    return shown(text, units) if isinstance(text, str) else [shown(line, units) for line in text]
 
 
 def _file(name: str) -> str:

@@ -139,10 +139,14 @@ def signals(
         "distance": grid.stack([p.distance() for p in prepared]),
         "place": _places(grid, [p.place() for p in prepared]),
     }
-    for name in (*prepared[0].recording.interface.u, *prepared[0].recording.interface.w):
-        out[name] = grid.stack([_column(p, name) for p in prepared])
-    for name in RECORDED:
-        if _known(name, prepared, grid):
+    interface = prepared[0].recording.interface
+    for x in ("u", "w"):
+        for name in getattr(interface, x):
+            of = [getattr(p.recording.interface, x).index(name) for p in prepared]
+            out[name] = grid.stack([getattr(p, x)[:, k] for p, k in zip(prepared, of, strict=True)])
+    fitted = [p.recording.channels for p, s in zip(prepared, grid.drives, strict=True) if not s.held_out]
+    for name in RECORDED:  # by fitted drives; those held out alone would replace what a simulator reports
+        if any(np.isfinite(channels.get(name, np.nan)).any() for channels in fitted):
             take = grid.last if name == "gear" else grid.stack
             out[name] = take(
                 [p.recording.channels.get(name, np.full(len(p.recording), np.nan)) for p in prepared]
@@ -174,13 +178,6 @@ def reports_forces(run: Run) -> bool:
     return run.inside.keys() >= set(FORCES)
 
 
-def _known(name: str, prepared: Sequence[Prepared], grid: Grid) -> bool:
-    """Whether any fitted recording has the channel. A channel of held-out recordings only would otherwise
-    replace, as unknown, what a simulator reports."""
-    fitted = [p for p, s in zip(prepared, grid.drives, strict=True) if not s.held_out]
-    return any(np.isfinite(p.recording.channels.get(name, np.nan)).any() for p in fitted)
-
-
 def force_of(parameter: str, brake_unit: str | None) -> Expression:
     """The acceleration due to +100 % of a parameter, m/s^2. A brake command that is a deceleration is a force
     per mass, which does not change with the mass."""
@@ -192,11 +189,6 @@ def sensitivity(e: Evidence, name: str) -> Array:
     """Change of acceleration for +100 % of a parameter, from the components (used if the simulator cannot be
     run with it)."""
     return force_of(name, e.command_units.get("brake_command")).rows(e)
-
-
-def _column(p: Prepared, name: str) -> Array:
-    interface = p.recording.interface
-    return p.u[:, interface.u.index(name)] if name in interface.u else p.w[:, interface.w.index(name)]
 
 
 def _from_inside(out: dict[str, Array], simulator: Simulator, runs: Sequence[Run], grid: Grid) -> float:

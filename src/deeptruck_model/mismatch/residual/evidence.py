@@ -158,7 +158,7 @@ class Evidence:
     rerun: Callable[[str, float], Array]
     model_discrepancy: float = 0.0  # rms of what the simulator itself learned imperfectly, m/s^2
     learned_slow_noise: float | None = None  # as the rule `slow_noise`, of a simulator that learned
-    itself: Evidence | None = None  # a learned simulator along the recordings it keeps
+    reference: Evidence | None = None  # a learned simulator along the recordings it keeps
     other_gear: int = 0  # samples left out because the simulator drives in another gear than the recorded one
     moved: dict[str, float] = field(default_factory=dict)  # relative changes the parameters have already had
     command_units: dict[str, str] = field(default_factory=dict)
@@ -169,7 +169,7 @@ class Evidence:
     known_physics: bool = True  # the simulator reports parameters or forces, so that it is no learned one
     vehicle: VehicleKind = UNSTATED  # what is usual of what drove
     whole: Mask | None = None  # `valid` with held-out recordings, where it is without
-    own: tuple[Any, ...] = ()  # mechanisms of the user, which are compared beside the library
+    user_mechanisms: tuple[Any, ...] = ()  # mechanisms of the user, which are compared beside the library
     hidden: Mask | None = None  # rows that are left out because an unrecorded brake acts
 
     def __len__(self) -> int:

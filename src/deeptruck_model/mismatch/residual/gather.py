@@ -140,7 +140,10 @@ def _compared(
     residual, simulated = d.residual()
     apart = d.other_gear(held_out)
     valid = grid.valid() & ~grid.any(apart)
-    _check_possible(simulated[valid])
+    beyond = float(np.mean(np.abs(simulated[valid]) > IMPOSSIBLE_ACCELERATION)) if valid.any() else 0.0
+    if beyond > Limits.no_vehicle:
+        raise InputError(IMPOSSIBLE.format(most=IMPOSSIBLE_ACCELERATION, share=100.0 * beyond))
+    response = command_response(simulator, prepared, d.runs, lambda: progress.more(1))
     if as_given is not None:
         sooner, disagreement = as_given.sooner, as_given.disagreement
     else:
@@ -164,19 +167,12 @@ def _compared(
         reports_forces=components.reports_forces(d.runs[0]),
         known_physics=d.known_physics,
         vehicle=prepared[0].recording.interface.kind,
-        rerun=_rerunner(d, progress),
+        rerun=lru_cache(maxsize=256)(lambda name, amount: grid.stack(response(name, amount))),
         sooner=sooner,
         rules=rules,
-        own=() if as_given is None else as_given.own,
+        user_mechanisms=() if as_given is None else as_given.user_mechanisms,
         command_units={name: simulator.interface.unit(name) for name in simulator.interface.u},
     )
-
-
-def _check_possible(simulated: Array) -> None:
-    """Raises InputError if a simulator's accelerations (n,), m/s^2, are impossible for any vehicle."""
-    beyond = float(np.mean(np.abs(simulated) > IMPOSSIBLE_ACCELERATION)) if len(simulated) else 0.0
-    if beyond > Limits.no_vehicle:
-        raise InputError(IMPOSSIBLE.format(most=IMPOSSIBLE_ACCELERATION, share=100.0 * beyond))
 
 
 def _with_parameters(d: _Driven, e: Evidence, progress: _Progress) -> Evidence:
@@ -225,11 +221,6 @@ def _disagreement(
         run = forced_run(simulator, u, np.repeat(p.w[None], k, axis=0), fed(simulator, y))
         parts.append(run.y[:, :, ACCELERATION].std(axis=0, ddof=1))
     return grid.stack(parts)
-
-
-def _rerunner(d: _Driven, progress: _Progress) -> Callable[[str, float], Array]:
-    response = command_response(d.simulator, d.prepared, d.runs, lambda: progress.more(1))
-    return lru_cache(maxsize=256)(lambda name, amount: d.grid.stack(response(name, amount)))
 
 
 def driven_anew(simulator: Simulator, prepared: Sequence[Prepared], e: Evidence) -> Evidence:

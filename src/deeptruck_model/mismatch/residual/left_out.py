@@ -14,7 +14,7 @@ from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.signals import SPEED
 from deeptruck_core.vehicle_kinds import CLUTCH_CLOSED, GEARS_APART
 from deeptruck_model.mismatch.prepare.drives import NotRecorded, PreparedDrives, Rejection
-from deeptruck_model.mismatch.prepare.prepared import Prepared, fed
+from deeptruck_model.mismatch.prepare.prepared import Prepared, fed, padded
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Run, Simulator
@@ -85,16 +85,12 @@ def with_predicted_gears(simulator: Simulator, prepared: Sequence[Prepared]) -> 
     outputs = getattr(simulator, "auxiliary_outputs", None)
     longest = max(len(p.recording) for p in prepared)
     parts = [(p.u, p.w, fed(simulator, p.y)) for p in prepared]
-    u, w, y = (np.stack([_longer(x[i], longest) for x in parts]) for i in range(3))
+    u, w, y = (np.stack([padded(x[i], longest) for x in parts]) for i in range(3))
     inside = {} if outputs is None else outputs(u, w, y)
     return [
         Run(p.y[None], {name: x[i : i + 1, : len(p.recording)] for name, x in inside.items()})
         for i, p in enumerate(prepared)
     ]
-
-
-def _longer(x: Array, n: int) -> Array:
-    return np.pad(x, ((0, n - len(x)), (0, 0)), mode="edge")
 
 
 def _by_label(prepared: Sequence[Prepared], runs: Sequence[Run], numbered_alike: bool) -> list[Mask] | None:

@@ -171,7 +171,8 @@ def _finish(
     prior: Prior,
 ) -> Fit:
     scaled = (yw - Xw @ b) / (rel * sigma)
-    point = _log_t(scaled) - np.log(rel * sigma)
+    norm = gammaln((TAIL + 1) / 2) - gammaln(TAIL / 2) - 0.5 * np.log(TAIL * np.pi)
+    point = norm - (TAIL + 1) / 2 * np.log1p(scaled**2 / TAIL) - np.log(rel * sigma)
     w = (TAIL + 1) / (TAIL + scaled**2) / (rel * sigma) ** 2
     precision = 1 / prior.sd[active] ** 2
     Xa = Xw[:, active]
@@ -280,12 +281,6 @@ def _after(valid: Mask, starts: Mask) -> Mask:
     for k in range(ORDER):
         use[k:] &= ~starts[: len(starts) - k]
     return use
-
-
-def _log_t(x: Array) -> Array:
-    norm = gammaln((TAIL + 1) / 2) - gammaln(TAIL / 2) - 0.5 * np.log(TAIL * np.pi)
-    out: Array = norm - (TAIL + 1) / 2 * np.log1p(x**2 / TAIL)
-    return out
 
 
 def _spread(x: Array) -> float:

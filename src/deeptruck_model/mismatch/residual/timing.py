@@ -36,7 +36,8 @@ def sensor_terms(e: Evidence) -> tuple[Array, Prior]:
     least = e.rules.least_delay_s
     late = [-e.difference(e.simulated), e.rerun("delay_all", least) / least]
     slope = _late_slope(e)
-    filtered = _shifted(e, filter_reach(e))
+    reach = filter_reach(e)
+    filtered = [_row_after(e, k) - e.simulated for k in range(-reach, reach + 1) if k]
     sooner = [] if e.sooner is None else [e.sooner]
     prior = Prior.join(
         SENSOR_LAG,
@@ -69,11 +70,6 @@ def filter_reach(e: Evidence) -> int:
     """Rows before and after a sample that a filter reaches; none if the sample period is too long for one, as
     for a learned simulator."""
     return int(REACH_S / e.dt + ROUNDING)
-
-
-def _shifted(e: Evidence, most: int) -> list[Array]:
-    """The simulated acceleration some rows before and after each row, minus that in the row."""
-    return [_row_after(e, k) - e.simulated for k in range(-most, most + 1) if k]
 
 
 def _row_after(e: Evidence, k: int) -> Array:

@@ -39,7 +39,7 @@ class Numbers:
     (m/s) in free runs of `horizon_s` along held-out drives, of the simulator as `given`, with refitted
     `parameters_only`, and `corrected` (NaN if no drive is long enough). The error to which the residual along
     fitted drives has `added_up`, without events, over the budget's own horizon (NaN if too few windows are
-    free of gaps). The `own` error of a learned simulator on its held-out recordings (None if it is not
+    free of gaps). The `reference_error` of a learned simulator on its held-out recordings (None if it is not
     learned or not known). Which simulators are significantly `better` than the one as given, and whether the
     corrected one is than the refit (`beyond_refit`); the error of the corrected one without signals beyond
     the protocol (`bare`, None if it needs none); whether anything `is_corrected`, and by `fewer` parameters
@@ -53,7 +53,7 @@ class Numbers:
     corrected: float = float("nan")
     horizon_s: float = 40.0
     added_up: float = float("nan")
-    own: float | None = None
+    reference_error: float | None = None
     better: frozenset[str] = frozenset()
     beyond_refit: bool = True
     bare: float | None = None
@@ -69,10 +69,12 @@ class Numbers:
         return max(known, default=float("nan"))
 
 
-def tolerance(own: float | None, rules: Rules) -> float:
+def tolerance(reference_error: float | None, rules: Rules) -> float:
     """The speed error (m/s) up to which a simulator is good enough; for a learned one, slightly above its
     error on its own recordings."""
-    return rules.visible if own is None else max(rules.visible, min(rules.differs * own, rules.largest))
+    if reference_error is None:
+        return rules.visible
+    return max(rules.visible, min(rules.differs * reference_error, rules.largest))
 
 
 def conclusion(n: Numbers, rules: Rules) -> Conclusion:
@@ -91,7 +93,7 @@ def _sensor_is_wrong(n: Numbers) -> bool:
 
 
 def _good_enough(n: Numbers, rules: Rules) -> bool:
-    return bool(np.isfinite(n.error) and n.error <= tolerance(n.own, rules))
+    return bool(np.isfinite(n.error) and n.error <= tolerance(n.reference_error, rules))
 
 
 def uncompared(*, faulty: bool) -> Conclusion:
@@ -108,7 +110,8 @@ def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
     errors = {REFIT: n.parameters_only, CORRECTION: n.corrected}
     better = {name: x for name, x in errors.items() if name in n.better}
     equal = REFIT in better and not n.beyond_refit
-    if n.fewer and CORRECTION in better and _as_good(n, rules):
+    corrected, refitted = (float(np.hypot(x, rules.drift)) for x in (n.corrected, n.parameters_only))
+    if n.fewer and CORRECTION in better and rules.better * corrected <= refitted:
         better.pop(REFIT, None)
     elif n.corrected > n.parameters_only or equal or _worse_bare(n, rules):
         better.pop(CORRECTION, None)
@@ -116,12 +119,6 @@ def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
     if kind is Conclusion.NOTHING and not n.given - errors.get(best, n.given) > rules.drift:
         return AS_GIVEN
     return best
-
-
-def _as_good(n: Numbers, rules: Rules) -> bool:
-    """Whether the correction is no worse than the refit, beside errors that are too small for a finding."""
-    corrected, refitted = (float(np.hypot(x, rules.drift)) for x in (n.corrected, n.parameters_only))
-    return rules.better * corrected <= refitted
 
 
 def _worse_bare(n: Numbers, rules: Rules) -> bool:
@@ -150,9 +147,9 @@ def _data(n: Numbers) -> Advice:
 def _simulator(n: Numbers, kind: Conclusion, rules: Rules) -> Advice:
     if not np.isfinite(n.given):
         return Advice(Answer.UNSURE, wording.NOT_DRIVEN)
-    least = tolerance(n.own, rules)
+    least = tolerance(n.reference_error, rules)
     if n.error > least:
-        return Advice(Answer.NO, wording.too_far(n.given, n.added_up, n.horizon_s, least, n.own))
+        return Advice(Answer.NO, wording.too_far(n.given, n.added_up, n.horizon_s, least, n.reference_error))
     if kind is Conclusion.NOTHING:
         return Advice(Answer.YES, wording.good(n.given, n.horizon_s))
     if kind is Conclusion.SENSOR:
@@ -250,7 +247,7 @@ def name_tree(c: Compared, slope: Road | None) -> tuple[Node, ...]:
 def tolerated(c: Compared, driven: Validated) -> tuple[float, float]:
     """The simulator's speed error, and that up to which it is good enough, m/s."""
     numbers = _numbers(c, driven)
-    return numbers.error, tolerance(numbers.own, c.search.rules)
+    return numbers.error, tolerance(numbers.reference_error, c.search.rules)
 
 
 def _numbers(c: Compared, driven: Validated) -> Numbers:
@@ -262,7 +259,7 @@ def _numbers(c: Compared, driven: Validated) -> Numbers:
         corrected=errors.after.speed if errors is not None else nan,
         horizon_s=fit.horizon_s,
         added_up=c.budget.speed_rmse,
-        own=driven.own_error,
+        reference_error=driven.reference_error,
         better=driven.better,
         beyond_refit=fit.improvement is None or fit.improvement.over_parameters_ci95[0] > 0.0,
         bare=fit.without_exogenous.after if fit.without_exogenous is not None else None,

@@ -256,11 +256,13 @@ def _longer_than_sensors(f: Finding, e: Evidence) -> bool:
 def _with_shares(e: Evidence, found: Sequence[Finding], budget: Budget) -> list[Finding]:
     """The findings with their shares of the squared speeds that result from all their forces."""
     squares = [_adds_up(e, f.force, budget.horizon_s) if f.force is not None else 0.0 for f in found]
-    total = sum(squares) or 1.0
-    return [
-        replace(f, share_of_explainable_error=round(x / total, 3), share_of_error=_share(f, budget))
-        for f, x in zip(found, squares, strict=True)
-    ]
+    total, out = sum(squares) or 1.0, []
+    for f, x in zip(found, squares, strict=True):
+        share = f.share_of_error  # of a drift; none without a budget, or for a fault between sensors
+        if share is None and budget.parts and f.force is not None:
+            share = budget.share(f.family)
+        out.append(replace(f, share_of_explainable_error=round(x / total, 3), share_of_error=share))
+    return out
 
 
 def _adds_up(e: Evidence, force: Array, horizon_s: float) -> float:
@@ -272,14 +274,6 @@ def _adds_up(e: Evidence, force: Array, horizon_s: float) -> float:
     return sum(
         float(np.sum((np.cumsum(counted[a:b]) * e.dt) ** 2)) for a, b in zip(starts, ends, strict=True)
     )
-
-
-def _share(f: Finding, budget: Budget) -> float | None:
-    """A share of the budget: that of a drift, or of the finding's family; None without a budget, and for a
-    fault between sensors, which is in none."""
-    if f.share_of_error is not None:
-        return f.share_of_error
-    return budget.share(f.family) if budget.parts and f.force is not None else None
 
 
 def names_behind(recordings: Sequence[Recording], missing: Sequence[NotRecorded]) -> dict[str, str]:

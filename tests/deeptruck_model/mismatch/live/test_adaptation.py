@@ -11,8 +11,8 @@ from small_drives import TRUCK, drives
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
 from deeptruck_model.mismatch.correction.free_runs import free_windows
-from deeptruck_model.mismatch.live.adaptation import _quantity, adapt, begin, with_own
-from deeptruck_model.mismatch.live.questions import Own, Quantity, State
+from deeptruck_model.mismatch.live.adaptation import _quantity, adapt, begin, with_state
+from deeptruck_model.mismatch.live.questions import DriveState, Quantity, State
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
@@ -96,15 +96,15 @@ def test_all_that_is_valid_is_used_where_anything_is_estimated() -> None:
     """Each is its mean over the draws, so that what is improbable hardly moves the simulator."""
     load, wind = Quantity(State.ESTIMATED, 0.2), Quantity(State.UNESTIMATED, 0.5)
     beyond = Quantity(State.INVALID, 40.0)
-    own = Own(load, wind, beyond)
+    own = DriveState(load, wind, beyond)
     assert [own.used(name) for name in own.each] == [0.2, 0.5, 0.0]
-    assert not Own(NONE, wind, beyond).known
-    assert Own(NONE, wind, beyond).used("wind") == 0.0
+    assert not DriveState(NONE, wind, beyond).known
+    assert DriveState(NONE, wind, beyond).used("wind") == 0.0
 
 
 def test_a_sentence_has_what_is_estimated_and_what_is_not_possible() -> None:
     load = Quantity(State.ESTIMATED, 0.2, (0.15, 0.25), 1.0)
-    own = Own(load, Quantity(State.INVALID, 40.0, (30.0, 50.0), 1.0), NONE)
+    own = DriveState(load, Quantity(State.INVALID, 40.0, (30.0, 50.0), 1.0), NONE)
     assert str(own) == (
         "load +20 % of mass (+15 to +25, 95 %); wind invalid: the estimate leaves what a vehicle can have"
     )
@@ -114,12 +114,12 @@ def test_a_constant_accelerates_by_itself_and_a_headwind_slows() -> None:
     (p,) = begin(TRUCK, drives(TRUCK, 1, 120.0), 120.0)
     plain = free_windows(TRUCK, [p], 20.0).speed
 
-    def gained(own: Own) -> float:
-        return float(np.median((free_windows(with_own(TRUCK, own), [p], 20.0).speed - plain)[:, -1]))
+    def gained(own: DriveState) -> float:
+        return float(np.median((free_windows(with_state(TRUCK, own), [p], 20.0).speed - plain)[:, -1]))
 
-    constant = gained(Own(NONE, NONE, Quantity(State.ESTIMATED, 0.05)))
+    constant = gained(DriveState(NONE, NONE, Quantity(State.ESTIMATED, 0.05)))
     assert 0.7 < constant <= 1.0  # turning masses take a part; a run may shift otherwise
-    assert gained(Own(NONE, Quantity(State.ESTIMATED, WIND_M_S), NONE)) < -0.1
+    assert gained(DriveState(NONE, Quantity(State.ESTIMATED, WIND_M_S), NONE)) < -0.1
 
 
 def test_a_drive_that_is_too_short_is_refused() -> None:

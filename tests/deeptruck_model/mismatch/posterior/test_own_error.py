@@ -11,7 +11,7 @@ import pytest
 from small_drives import alike
 
 from deeptruck_model.mismatch.posterior.names import Names, names
-from deeptruck_model.mismatch.posterior.own_error import _slow_noise, own_drives, with_own_error
+from deeptruck_model.mismatch.posterior.own_error import _slow_noise, reference_drives, with_reference_error
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -22,11 +22,11 @@ BARE: Any = SimpleNamespace(reference=())
 
 def with_own(e: Evidence, own: Evidence) -> Evidence:
     """Beside a learned simulator whose own recordings have this residual."""
-    return replace(e, known_physics=False, itself=replace(own, known_physics=False))
+    return replace(e, known_physics=False, reference=replace(own, known_physics=False))
 
 
 def test_a_simulator_that_keeps_no_recordings_has_no_reference() -> None:
-    assert own_drives(BARE, measured_acceleration=False) == []
+    assert reference_drives(BARE, measured_acceleration=False) == []
 
 
 def test_an_error_on_its_own_recordings_too_is_not_detected(nothing_missing: Evidence) -> None:
@@ -60,9 +60,9 @@ def test_without_own_recordings_the_discrepancy_is_what_learned_simulators_usual
     nothing_missing: Evidence, off: float, expected: float
 ) -> None:
     e = replace(nothing_missing, known_physics=False, residual=nothing_missing.residual + off)
-    found = with_own_error(BARE, e, measured_acceleration=False, seed=0)
+    found = with_reference_error(BARE, e, measured_acceleration=False, seed=0)
     assert 0.0 < found.model_discrepancy <= expected
 
 
 def test_known_physics_has_no_discrepancy(nothing_missing: Evidence) -> None:
-    assert with_own_error(BARE, nothing_missing, measured_acceleration=False, seed=0) is nothing_missing
+    assert with_reference_error(BARE, nothing_missing, measured_acceleration=False, seed=0) is nothing_missing

@@ -37,10 +37,13 @@ FAULTY = {"kinds": [Kind.SENSOR], "sure": [True]}
         (replace(RIGHT, given=NAN), Conclusion.NOTHING),
         (replace(RIGHT, given=NAN, added_up=NAN), Conclusion.UNDETERMINED),
         (OFF, Conclusion.UNDETERMINED),
-        (replace(OFF, own=0.4), Conclusion.NOTHING),  # no more than on its own recordings
-        (replace(OFF, own=0.37), Conclusion.UNDETERMINED),
-        (replace(OFF, given=0.25, added_up=0.25, own=0.01), Conclusion.NOTHING),  # a floor of what is visible
-        (replace(OFF, given=1.1, own=2.0), Conclusion.UNDETERMINED),
+        (replace(OFF, reference_error=0.4), Conclusion.NOTHING),  # no more than on its own recordings
+        (replace(OFF, reference_error=0.37), Conclusion.UNDETERMINED),
+        (
+            replace(OFF, given=0.25, added_up=0.25, reference_error=0.01),
+            Conclusion.NOTHING,
+        ),  # a floor of what is visible
+        (replace(OFF, given=1.1, reference_error=2.0), Conclusion.UNDETERMINED),
         (PHYSICS, Conclusion.PHYSICS),
         # there, if it matters or not
         (replace(RIGHT, kinds=[Kind.PHYSICS], sure=[True]), Conclusion.PHYSICS),
@@ -60,9 +63,9 @@ def test_the_verdict_follows_from_findings_and_errors(numbers: Numbers, expected
     ("own", "expected"), [(None, 0.3), (0.01, 0.3), (0.5, 0.665), (0.75, 0.9975), (0.76, 1.0), (3.0, 1.0)]
 )
 def test_a_learned_simulator_may_be_off_by_a_little_more_than_on_its_own_recordings(
-    own: float | None, expected: float
+    reference_error: float | None, expected: float
 ) -> None:
-    assert decide.tolerance(own, RULES) == pytest.approx(expected)
+    assert decide.tolerance(reference_error, RULES) == pytest.approx(expected)
 
 
 def test_of_refits_that_are_as_good_the_one_with_fewer_parameters_is_offered() -> None:
@@ -107,7 +110,7 @@ def test_data_are_enough_where_every_input_is_known(numbers: Numbers, answer: An
         (replace(RIGHT, given=NAN), Answer.UNSURE, wording.NOT_DRIVEN),
         (OFF, Answer.NO, wording.too_far(0.5, 0.5, 40.0, 0.3)),
         (PHYSICS, Answer.NO, wording.too_far(0.5, 0.5, 40.0, 0.3)),
-        (replace(PHYSICS, own=0.2), Answer.NO, wording.too_far(0.5, 0.5, 40.0, 0.3, 0.2)),
+        (replace(PHYSICS, reference_error=0.2), Answer.NO, wording.too_far(0.5, 0.5, 40.0, 0.3, 0.2)),
         (
             replace(PHYSICS, given=0.1),
             Answer.NO,
