@@ -153,7 +153,8 @@ def compared(
         *_caveats(simulator, search.e),
         *not_compared(mechanisms, LIBRARY.values(), search.library, search.e),
     )
-    return Compared(parameters, drives, e, p, names(p), budget(p, e), events, remarks)
+    found = names(p)
+    return Compared(parameters, drives, e, p, found, budget(p, e, found.given), events, remarks)
 
 
 def _caveats(simulator: Simulator, e: Evidence) -> Iterator[str]:

@@ -69,12 +69,13 @@ class Budget:
         return next((p.force for p in self.parts if p.part == part), np.zeros_like(like))
 
 
-def budget(p: Posterior, given: Evidence) -> Budget:
+def budget(p: Posterior, given: Evidence, of: Mask | None = None) -> Budget:
     """Split the simulator's error, as in the evidence `given`, into parts over the fitted rows.
 
     If the regression used refitted parameters, the change due to the refit counts in their families. The
     residual in rows in which an unrecorded brake acts is the part HIDDEN. Rows of events count as no error:
-    what acts for seconds is not in the budget.
+    what acts for seconds is not in the budget. Shares are of the mean in the draws `of` (m,), from which the
+    forces of findings are too; intervals are of all draws.
     """
     search, e = p.search, p.search.e
     columns, draws, part_of = _columns(p)
@@ -109,7 +110,7 @@ def budget(p: Posterior, given: Evidence) -> Budget:
     }
     products = np.sum(list(by_drive.values()), axis=0)
     rmse = float(np.sqrt(products[-1, -1] / (len(starts) * steps)))
-    middle = draws.mean(axis=0, keepdims=True)
+    middle = (draws if of is None else draws[of]).mean(axis=0, keepdims=True)
     (share,) = _shares(middle, groups, products)
     low, high = np.quantile(_shares(draws, groups, products), [0.05, 0.95], axis=0)
     low, high = np.minimum(low, share), np.maximum(high, share)  # of what is in few draws

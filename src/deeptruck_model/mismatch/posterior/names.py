@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 
@@ -120,6 +120,7 @@ class Names:
     explanations: tuple[Explanation, ...]
     tree: Tree
     nothing: float
+    given: Mask | None = None  # draws (m,) from which forces and shares are read; None: all of them
 
 
 def names(p: Posterior) -> Names:
@@ -147,19 +148,14 @@ def names(p: Posterior) -> Names:
         if max(tree.families.values()) >= rules.named:
             found.append(_named(p, name, tree))
     none = float((~np.any(list(acts.values()), axis=0)).mean()) if acts else 1.0
-    return Names(_together(p, found), _explanations(acts), whole, none)
-
-
-def _together(p: Posterior, found: Sequence[Named]) -> tuple[Named, ...]:
-    """The effects with their forces in the draws in which all accepted ones act together, so that these add
-    up to one explanation; in those of each name if these are too few."""
     accepted = [f.name for f in found if f.accepted]
-    together = np.all([p.inside(name) for name in accepted], axis=0) if accepted else np.zeros(0, dtype=bool)
+    together = np.all([p.inside(n) for n in accepted], axis=0) if accepted else np.zeros(0, dtype=bool)
     if not accepted or together.mean() < Limits.least_in:
-        return tuple(found)
-    return tuple(
-        replace(f, force=p.force(f.name, together), given=together) if f.accepted else f for f in found
-    )
+        return Names(tuple(found), _explanations(acts), whole, none)
+    for k, f in enumerate(found):  # in the draws of all, so that their forces add up to one explanation
+        if f.accepted:
+            found[k] = replace(f, force=p.force(f.name, together), given=together)
+    return Names(tuple(found), _explanations(acts), whole, none, together)
 
 
 def _speed_error(p: Posterior, name: str) -> float:
