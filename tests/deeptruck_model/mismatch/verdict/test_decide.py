@@ -60,7 +60,8 @@ def test_the_verdict_follows_from_findings_and_errors(numbers: Numbers, expected
 
 
 @pytest.mark.parametrize(
-    ("own", "expected"), [(None, 0.3), (0.01, 0.3), (0.5, 0.665), (0.75, 0.9975), (0.76, 1.0), (3.0, 1.0)]
+    ("reference_error", "expected"),
+    [(None, 0.3), (0.01, 0.3), (0.5, 0.665), (0.75, 0.9975), (0.76, 1.0), (3.0, 1.0)],
 )
 def test_a_learned_simulator_may_be_off_by_a_little_more_than_on_its_own_recordings(
     reference_error: float | None, expected: float
