@@ -16,7 +16,15 @@ from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.posterior.names import Node
 from deeptruck_model.mismatch.prepare.drives import Rejection
 from deeptruck_model.mismatch.rules import Limits
-from deeptruck_model.mismatch.verdict.result import Answer, Conclusion, Finding, Kind, Size, Verdict
+from deeptruck_model.mismatch.verdict.result import (
+    Alternative,
+    Answer,
+    Conclusion,
+    Finding,
+    Kind,
+    Size,
+    Verdict,
+)
 from deeptruck_model.mismatch.verdict.wording import (
     BESIDE_MISSING,
     FELT_STEP,
@@ -39,6 +47,7 @@ WIDE = 0.3  # of the budget: an interval from which its middle says nothing
 WORTH_SAYING = 0.01  # of the recorded samples or of a parameter: what is less is among the details alone
 SPEED_UNIT = "m/s"
 MOST_DRIVES = 6  # whose sizes are in the headline
+MOST_ALTERNATIVES = 3  # names that are in the headline
 MOST_EVENTS = 3  # that are listed
 MOST_SETS = 3  # of names that are in together, which are listed
 QUESTIONS = {"data": "Data enough?", "simulator": "Simulator good enough?", "apply": "Apply the correction?"}
@@ -186,13 +195,26 @@ def _what(f: Finding) -> str:
     name = spoken(f.effect if f.stated in (ROOT, f.effect) else f.stated)
     if f.in_log and f.stated == f.effect:
         return f.says
+    each = " or ".join(map(_alternative, f.alternatives[:MOST_ALTERNATIVES]))
     if f.stated == ROOT:
-        return f"{name} is most probable ({percent(f.probability)})"
-    likely = f", most probably {spoken(f.effect)} ({percent(f.probability)})"
+        return each or f"{name} is most probable ({percent(f.probability)})"
+    likely = f": {each}" if each else f", most probably {spoken(f.effect)} ({percent(f.probability)})"
     if f.kind is Kind.PARAMETER:
         return f"{name} of the simulator is wrong" if f.stated == f.effect else f"an error in {name}{likely}"
     what = f"{name} is missing" if f.stated == f.effect else f"an effect in {name} is missing{likely}"
     return f"{what} ({BESIDE_MISSING[f.missing_input]})" if f.missing_input else what
+
+
+def _alternative(a: Alternative) -> str:
+    """A name with its probability, the size that it needs, and how usual that is."""
+    size, usual = "", ""
+    if a.size is not None:
+        percents = a.size.unit == "1"
+        number = digits((100.0 if percents else 1.0) * a.size.value, sign=True)
+        size = f", {number} {'%' if percents else printed(a.size.unit)}"
+    if a.times_usual is not None:
+        usual = ", usual" if a.times_usual <= 1.0 else f", {a.times_usual:.1f} times the usual"
+    return f"{spoken(a.name)} ({percent(a.probability)}{size}{usual})"
 
 
 def _next_step(v: Verdict) -> str:
@@ -209,6 +231,8 @@ def _next_step(v: Verdict) -> str:
         return FELT_STEP
     if v.findings[0].may_differ:
         return "adapt the simulator to each drive by 'deeptruck-model adapt'"
+    if v.findings[0].alternatives:
+        return f"to distinguish them, {v.findings[0].separating_manoeuvre}"
     return "see what to do"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -31,7 +31,7 @@ from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.verdict import wording
-from deeptruck_model.mismatch.verdict.result import Bound, Finding, Kind, Size
+from deeptruck_model.mismatch.verdict.result import Alternative, Bound, Finding, Kind, Size
 from deeptruck_model.mismatch.verdict.road import Road
 from deeptruck_model.mismatch.verdict.sizes import sizes_of
 from deeptruck_model.mismatch.verdict.where import PRINTED
@@ -55,7 +55,8 @@ def findings(
     for named in c.names.found:
         f = _of_named(c, e, correction, named, rules) if named.name not in road_names else None
         if f is not None and named.accepted and _longer_than_sensors(f, e):
-            out.append(replace(f, missing_input=behind.get(f.effect, "")))
+            each = tuple(_alternatives(c, correction, f, named))
+            out.append(replace(f, missing_input=behind.get(f.effect, ""), alternatives=each))
     of_slope = not e.has("grade") and any(f.effect == LIBRARY.of_input("grade").effect for f in out)
     if not of_road and not of_slope:  # which would be what is slow too
         out += _of_drift(c, rules, good_enough=error <= tolerance)
@@ -92,6 +93,25 @@ def _of_named(
         depends_on=m.depends_on,
         separating_manoeuvre=m.manoeuvre,
     )
+
+
+def _alternatives(
+    c: Compared, correction: Correction | None, f: Finding, named: Named
+) -> Iterator[Alternative]:
+    """The names of a finding's credible set, with the size that each would need; none if one is stated."""
+    p, terms = c.posterior, correction.terms if correction is not None else ()
+    for name in f.credible_set if f.stated != f.effect and f.rivals else ():
+        probability, given = named.tree.names[name], p.inside(name)
+        term = next((t for t in terms if t.mechanism.effect == name), None)
+        if p.is_parameter(name):
+            yield Alternative(name, probability, Size(p.change(name, given)[0], "1"))
+        elif term is None:
+            yield Alternative(name, probability)
+        else:
+            b = p.on_columns(name, term.columns, given).mean(axis=0)
+            usual = float(np.max(np.abs(b) / (np.abs(term.prior.mean) + term.prior.sd)))
+            size = next((x for x in sizes_of(term, p, given).values() if x.ci95 is not None), None)
+            yield Alternative(name, probability, size, usual)
 
 
 def _condition(term: CandidateTerm, e: Evidence) -> str:

@@ -119,6 +119,17 @@ class Size:
 
 
 @dataclass(frozen=True)
+class Alternative:
+    """A name of a credible set, and the size that the force would need under this name: `times_usual` is that
+    over the prior standard deviation of its mechanism."""
+
+    name: str
+    probability: float = field(metadata=stored(digits=3))
+    size: Size | None = field(default=None, metadata=SPARSE)
+    times_usual: float | None = field(default=None, metadata=stored(digits=2, sparse=True))
+
+
+@dataclass(frozen=True)
 class Finding:
     """One finding. `stated` is the deepest node of the tree that is probable enough; `force` (n,), m/s^2, is
     absent for a fault that is visible between sensors alone."""
@@ -135,6 +146,7 @@ class Finding:
     probability: float
     family_probability: float
     credible_set: tuple[str, ...] = field(default=(), metadata=stored(earlier="cannot_be_told_from"))
+    alternatives: tuple[Alternative, ...] = field(default=(), metadata=SPARSE)  # where several names remain
     share_of_explainable_error: float = 0.0
     evidence_nats: float | None = field(default=None, metadata=SPARSE)
     strength: Strength | None = field(default=None, metadata=SPARSE)

@@ -27,6 +27,7 @@ from deeptruck_model.mismatch.verdict import wording
 from deeptruck_model.mismatch.verdict.findings import of_fault
 from deeptruck_model.mismatch.verdict.result import (
     Advice,
+    Alternative,
     Answer,
     Bound,
     Conclusion,
@@ -193,6 +194,16 @@ def test_what_is_stated_beside_a_good_simulator_is_said_with_it_and_a_larger_par
     family = replace(f, stated=f.family, probability=0.88)
     assert lines.headline(replace(smaller, findings=(family,))).startswith(
         "An effect in engine and driveline is missing, most probably shift interruption (88 %), 21 % of"
+    )
+    wind = Alternative("headwind", 0.52, Size(6.1, "m/s", (4.0, 8.0)), 0.7)
+    tyres = Alternative("rolling_resistance_speed", 0.4, Size(43.0, "N s/m", (30.0, 56.0)), 3.0)
+    equal = replace(
+        f, effect="headwind", family="air_tyres_road", stated="air_tyres_road", share_of_error=None,
+        alternatives=(wind, tyres), separating_manoeuvre="drive both ways at two speeds",
+    )  # fmt: skip
+    assert lines.headline(Verdict(Conclusion.PHYSICS, (equal,))) == (
+        "An effect in air, tyres and road is missing: headwind (52 %, +6.1 m/s, usual) or rolling resistance "
+        "speed (40 %, +43 N s/m, 3.0 times the usual): to distinguish them, drive both ways at two speeds"
     )
     good = replace(off, advice={"simulator": Advice(Answer.YES, "off by 0.1 m/s")})
     assert lines.headline(good) == (

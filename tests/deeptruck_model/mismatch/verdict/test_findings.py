@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from small_drives import FORCES, N, evidence, posterior_of, regression
 
+from deeptruck_model.mismatch.correction.forms import simplest_terms
+from deeptruck_model.mismatch.correction.model import Correction
 from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, PLACE, SLOW, UNKNOWN
 from deeptruck_model.mismatch.posterior.budget import budget
 from deeptruck_model.mismatch.posterior.names import Compared, Named, Tree, names
@@ -19,7 +23,7 @@ from deeptruck_model.mismatch.prepare.drives import PreparedDrives
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.verdict import wording
-from deeptruck_model.mismatch.verdict.findings import findings
+from deeptruck_model.mismatch.verdict.findings import _alternatives, _finding, findings
 from deeptruck_model.mismatch.verdict.result import Conclusion, Finding, Kind, Verdict
 from deeptruck_model.mismatch.verdict.road import Road
 
@@ -149,3 +153,19 @@ def test_what_changes_within_seconds_is_said_as_such() -> None:
     assert (f.says, f.separating_manoeuvre) == (wording.DRIFT["left_over"], wording.RECORD_FAST)
     assert f.share_of_error == pytest.approx(c.budget.share("left_over") - c.budget.persistent)
     assert f.probability == round(c.posterior.nameless(), 3) >= 0.5
+
+
+def test_names_that_these_drives_do_not_distinguish_have_the_size_that_each_needs() -> None:
+    """A rolling resistance of 0.1 m/s^2 at 20 m/s, where the mechanism has 0.03 as a rule."""
+    p = posterior(regression(evidence(-0.1 * evidence()["speed"] / 20.0)), sweeps=40)
+    c, e = _compared(p), p.search.e
+    name = "rolling_resistance_speed"
+    given = p.inside(name)
+    terms = [t for t in simplest_terms(p, e) if t.mechanism.effect == name]
+    correction = cast("Correction", SimpleNamespace(terms=terms))
+    named = Named(name, Tree({name: 0.5, "drag_area": 0.4}), 10.0, p.force(name, given), given=given)
+    f = _finding(c, named, Kind.PHYSICS, "resistance grows with speed", named.force)
+    own, other = _alternatives(c, correction, f, named)
+    assert (own.name, own.probability, other.name) == (name, 0.5, "drag_area")
+    assert own.times_usual is not None and 1.5 < own.times_usual < 6.0
+    assert list(_alternatives(c, correction, replace(f, stated=name), named)) == []
