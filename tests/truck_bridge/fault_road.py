@@ -315,8 +315,12 @@ class Run:
     def verdict(self) -> Verdict:
         """What is broken of it."""
         scene, witness = self.scene, self.witness
-        broken = self._control() + ([] if scene.early else self._frames())
-        hit, braked, unseen = self._hit(), witness.braked < BRAKED, list[str]()
+        control, unseen = self._control(), list[str]()
+        if self._brakes_by_itself and "control was kept" in control:  # it may be taken for our own braking
+            control.remove("control was kept")
+            unseen.append("control was kept")
+        broken = control + ([] if scene.early else self._frames())
+        hit, braked = self._hit(), witness.braked < BRAKED
         if hit:
             (unseen if hit == "not prevented" else broken).append("hit")
         if braked:
@@ -373,7 +377,9 @@ class Run:
             return ""  # the driver had it
         blind = self.ended < witness.known_at and not (harmless and self._known)
         blind |= fully is None and not (harmless and self._known)
-        blind |= any(d.at > witness.known_at and FAULTS[d.name].signals == ("brake",) for d in scene.plan)
+        faults = {d: FAULTS[d.name] for d in scene.plan}
+        blind |= any(d.at > witness.known_at and one.signals == ("brake",) for d, one in faults.items())
+        blind |= any(one.machine == "forger" for one in faults.values())  # others drive the engine on
         return "not prevented" if blind or self.reason in UNHEARD else "hit"
 
 
