@@ -14,8 +14,8 @@ from deeptruck_cacc.environments import hard_scenes
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.evaluation.metrics import summary
 from deeptruck_cacc.safety import proof, truck_limits
+from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.guard import guard
-from deeptruck_cacc.safety.promise import Promise
 from deeptruck_cacc.safety.shield import Shield
 from deeptruck_model import simulators
 from deeptruck_model.simulators import Simulator
@@ -32,21 +32,21 @@ def main() -> None:
         __doc__, {"--policy": "baseline:cacc", "--simulator": "truck:trucksim", "--rollouts": 100_000}
     )
     truck = simulators.load(args.simulator)
-    promise = truck_limits.measure(truck)
-    facts = ", ".join(f"{name} {value:.4g}" for name, value in vars(promise).items())
-    lines = [*harness.heading("The shield"), f"Promise measured on {args.simulator}: `{facts}`", ""]
-    lines += [*search(promise, args.rollouts), "", *bridged(promise), "", *cost(args.policy, truck, promise)]
+    assumed = truck_limits.measure(truck)
+    facts = ", ".join(f"{name} {value:.4g}" for name, value in vars(assumed).items())
+    lines = [*harness.heading("The shield"), f"Assumptions measured on {args.simulator}: `{facts}`", ""]
+    lines += [*search(assumed, args.rollouts), "", *bridged(assumed), "", *cost(args.policy, truck, assumed)]
     lines += ["", *SAYS.splitlines()]
     (harness.RESULTS / "shield.md").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))
 
 
-def search(promise: Promise, rollouts: int) -> list[str]:
+def search(assumed: Assumptions, rollouts: int) -> list[str]:
     """Table of the searches for a violation."""
     found = {
-        "random": proof.random_search(promise, rollouts),
-        "adversarial": proof.adversarial_search(promise, generations=max(rollouts // 2500, 1)),
-        "random, shield off": proof.random_search(promise, 2000, shielded=False),
+        "random": proof.random_search(assumed, rollouts),
+        "adversarial": proof.adversarial_search(assumed, generations=max(rollouts // 2500, 1)),
+        "random, shield off": proof.random_search(assumed, 2000, shielded=False),
     }
     return harness.table(
         "search | rollouts | violations | least gap - d_safety (m) | steps overridden | "
@@ -59,7 +59,7 @@ def search(promise: Promise, rollouts: int) -> list[str]:
     )
 
 
-def bridged(promise: Promise) -> list[str]:
+def bridged(assumed: Assumptions) -> list[str]:
     """Table of the smallest gap if a leader of 20 m/s, at a time gap of 2 s, is not detected for a while and
     brakes.
 
@@ -68,13 +68,13 @@ def bridged(promise: Promise) -> list[str]:
     """
     rows = []
     for braking in (0.0, 1.0, 2.0, 3.0, 6.0):
-        ends = [_vanishes(promise, braking, seconds) for seconds in (1.0, 2.0, 3.0)]
+        ends = [_vanishes(assumed, braking, seconds) for seconds in (1.0, 2.0, 3.0)]
         rows.append(f"{braking:g} m/s² | " + " | ".join(ends))
     heads = "for 1 s | 2 s | 3 s"
     return harness.table(f"a leader that begins to brake when it vanishes, by | {heads}", rows)
 
 
-def _vanishes(p: Promise, braking: float, seconds: float) -> str:
+def _vanishes(p: Assumptions, braking: float, seconds: float) -> str:
     """Smallest gap, or the speed of the impact; and the hardest braking before the leader was
     detected again."""
     shield, own, leader, gap, pressed = Shield(p, 0.0, 1.0), 20.0, 20.0, 40.0, 0.0
@@ -95,14 +95,14 @@ def _vanishes(p: Promise, braking: float, seconds: float) -> str:
     return f"{least:.1f} m left, braked by {hardest:.1f} m/s² unseen"
 
 
-def cost(path: str, truck: Simulator, promise: Promise) -> list[str]:
+def cost(path: str, truck: Simulator, assumed: Assumptions) -> list[str]:
     """Table of the cost of the shield to a policy: 100 rollouts of each scene with and without it."""
     rows = []
     for name in SCENES:
         draw, seconds = hard_scenes.HARD[name]
         scene = draw(np.random.default_rng(7), 100, round(seconds / truck.dt), truck.dt)
         policy = load_policy(path, truck.interface)
-        on, off = (summary(roll_out(truck, guard(policy, promise, shield=s), scene)) for s in (True, False))
+        on, off = (summary(roll_out(truck, guard(policy, assumed, shield=s), scene)) for s in (True, False))
         gaps = [row["time_gap_error_after_10s"]["worst_abs"] for row in (on, off)]
         share = f"{100 * on['shield_share']:.3f} %"
         crashes = f"{on['crashes']} | {off['crashes']}"

@@ -130,8 +130,8 @@ def lost(gap: float, speed: float, leader_speed: float, braking: float) -> list[
 def test_behind_a_leader_that_braked_it_says_how_to_go_on_braking_and_else_does_not() -> None:
     guard = load_controller("baseline:acc", load("freightliner").interface)
     assert guard.shield is not None
-    promise, full = guard.shield.promise, ActionScale.of(guard).brake_high
-    mild = (promise.bite + 1.5 / promise.brake_gain) * full  # what bridge and truck go on with
+    assumed, full = guard.shield.assumed, ActionScale.of(guard).brake_high
+    mild = (assumed.bite + 1.5 / assumed.brake_gain) * full  # what bridge and truck go on with
     steady, braked = lost(60.0, 20.0, 20.0, 0.0), lost(60.0, 20.0, 20.0, 2.0)
     assert all(math.isnan(hold) for _, hold in steady)
     first = next(k for k, (brake, _) in enumerate(braked) if math.isnan(brake))

@@ -95,7 +95,13 @@ def test_what_the_controller_asked_for_before_it_was_lost_goes_on(bench, later):
     assert engaged.safety.state is State.STOPPING
     assert engaged.demand("brake") == pytest.approx(asked["brake"], rel=0.02)
     assert engaged.demand("engine") == 0.0
-    outside = 2.0 * max(map(abs, (*axis.limits.low, *axis.limits.high)))
+    most = max((*axis.limits.low, *axis.limits.high), key=abs)
+    fullest = bench.that_may_jump().engage(engine=20.0).run(1.0)
+    fullest.goes_on = {"brake": most}
+    fullest.command()
+    fullest.safety.fade(fullest.now, "test")
+    assert fullest.safety.state is State.STOPPING
+    outside = 2.0 * abs(most)
     for useless in (-asked["brake"], math.copysign(outside, asked["brake"]), math.nan, 0.0):
         rolling = bench.that_may_jump()
         rolling.goes_on = {"brake": useless}

@@ -15,8 +15,8 @@ import numpy as np
 from fault_wire import Wire
 
 from deeptruck_cacc import load_policy
+from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.guard import Guard, guard
-from deeptruck_cacc.safety.promise import Promise
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.simulators import load as load_truck
 from deeptruck_nodes.following import Following
@@ -40,7 +40,7 @@ load = cache(vehicles.load)
 _truck = cache(load_truck)
 
 
-def controller(vehicle: Vehicle, policy: str, limits: Promise | None = None) -> Guard:
+def controller(vehicle: Vehicle, policy: str, limits: Assumptions | None = None) -> Guard:
     """What the controller node loads for a vehicle."""
     interface = _truck(vehicle.truck).interface
     passes = {"brake_limit": vehicle.brake_limit, "brake_rate": vehicle.brake_rate}
@@ -123,7 +123,7 @@ class Chain:
         grade: Callable[[float], float] | None = None,
         errors: RadarErrors = RADAR,
         truck: Simulator | None = None,
-        limits: Promise | None = None,
+        limits: Assumptions | None = None,
     ) -> None:
         objects = tuple(ahead) if isinstance(ahead, Sequence) else (Object(ahead),)
         self.vehicle, self.now, speed = vehicle, 0.0, objects[0].motion.speed_at(0.0)

@@ -42,7 +42,7 @@ from fault_table import (
 )
 
 from deeptruck_cacc.controllers.scaling import ActionScale
-from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.truck_limits import STEEPEST, known, measure
 from deeptruck_core.constants import GRAVITY
 from deeptruck_model.simulators import Simulator
@@ -101,7 +101,7 @@ def loaded(name: str, load_factor: float) -> Simulator:
 
 
 @cache
-def limits_of(name: str, load_factor: float, grade: float) -> Promise:
+def limits_of(name: str, load_factor: float, grade: float) -> Assumptions:
     """As a run knows or measures them, of this load and on these descents."""
     truck = loaded(name, load_factor)
     stored = known(truck.interface, truck.parameters(), grade)

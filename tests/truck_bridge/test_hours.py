@@ -26,6 +26,7 @@ from fault_chain import LOST_S, NAMES, RADAR, STEP, Chain, Lane, Object, Reading
 from fault_lies import Lie
 from fault_road import loaded
 
+from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import SPEED
 from deeptruck_model.simulators import load as load_truck
 from deeptruck_nodes.following import CONTRADICTED_S
@@ -37,7 +38,6 @@ HOUR_S, SETTLED_S, AGAIN_S, PIECE_H = 3600.0, 20.0, 5.0, 0.25
 MEAN = 30  # steps over which an acceleration counts, 0.3 s
 MOVING = 5.0  # m/s, of the truck, from which its time gap counts
 CRAWLING = 1.0  # m/s, below which a truck that creeps up to a standing leader stops by jolts
-GRAVITY = 9.81
 NOISY = replace(RADAR, dropout_rate=0.05)
 LOST = "the radar sees no vehicle ahead"
 CONTRADICTED = "the radar's range and the speeds contradict each other"

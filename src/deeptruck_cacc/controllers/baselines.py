@@ -57,13 +57,16 @@ def pi(seen: Seen) -> Array:
 # depends on them: by 0.6 m/s^2 at most with CREEP from 0 to 1 m/s and CLOSING_S from 0.5 to 2 s.
 CREEP = 1.0  # m/s above the leader's speed
 CLOSING_S = 1.0  # s, time constant towards the speed that is allowed
-# Behind a leader that stands, from STOPS_M_S on, the truck comes to rest and is held by the brake alone: a
-# law on the gap would creep up to it by engine and brake in turn.
-STANDS_M_S, STOPS_M_S = 0.5, 2.0  # leader's and own speed
-STOPS_SHORT_M = 8.0  # of the gap that it wants
-STOPS_M_S2 = (0.3, 0.8)  # deceleration to rest
-AT_REST_M_S = 0.2
-HOLDS_M_S2 = 0.6  # beyond what the slope asks for, of a truck that is held
+# Behind a leader that stands the truck comes to rest and is held by the brake alone: a law on the gap would
+# creep up to it by engine and brake in turn. The constants are ours.
+LEADER_STANDS_M_S = 0.5  # ten times the usual radar's noise of speed
+STOPS_M_S, STOPS_SHORT_M = (
+    2.0,
+    8.0,
+)  # own speed and distance to the wanted gap, below which it does
+TO_REST_M_S2 = (0.3, 0.8)  # deceleration with which it comes to rest
+AT_REST_M_S = 0.2  # own speed below which the brake holds
+HOLDS_M_S2 = 0.6  # beyond what the slope asks for
 LEAST_TIME_GAP_S = 0.5  # as which less counts: `approach` divides by it, and at standstill it is 0
 
 LAWS: dict[str, Law] = {"acc": acc, "cacc": cacc, "idm": idm, "pi": pi, "mpc": mpc}
@@ -122,14 +125,14 @@ class Baseline:
     @staticmethod
     def _stops(seen: Seen) -> NDArray[np.bool_]:
         """Whether the truck comes to rest behind a standing leader, or is held there, (batch,)."""
-        slow = (seen.leader_speed < STANDS_M_S) & (seen.speed < STOPS_M_S)
+        slow = (seen.leader_speed < LEADER_STANDS_M_S) & (seen.speed < STOPS_M_S)
         return np.asarray(slow & (seen.gap_error < STOPS_SHORT_M))
 
     @staticmethod
     def _to_rest(seen: Seen) -> Array:
         """Acceleration with which it rests at its gap, m/s^2."""
         needed = seen.speed**2 / (2 * np.maximum(seen.gap_error, 0.1))
-        return np.asarray(-np.clip(needed, *STOPS_M_S2))
+        return np.asarray(-np.clip(needed, *TO_REST_M_S2))
 
     def _closing_in(self, seen: Seen) -> Array:
         """Upper limit of the acceleration: that towards the speed with which `approach` ends at the desired

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.environments.adapters import CaccGymEnv
-from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.shield import Shield
 from deeptruck_cacc.safety.truck_limits import known
 from deeptruck_core.errors import InputError
@@ -30,11 +30,12 @@ class ShieldedEnv(gymnasium.Wrapper[Floats, NDArray[Any], Floats, NDArray[Any]])
 
     and `shield_acted` (u_safe is not u_nom) and `shield_braking` (only full braking is safe).
 
-    The promise is the given one, else the one measured for a truck of this name, else the cautious default.
+    The assumptions are the given ones, else those measured for a truck of this name, else the cautious
+    default.
     Raises InputError for an environment that is not CaccGymEnv, and for a truck without a brake command.
     """
 
-    def __init__(self, env: gymnasium.Env[Floats, NDArray[Any]], promise: Promise | None = None) -> None:
+    def __init__(self, env: gymnasium.Env[Floats, NDArray[Any]], assumed: Assumptions | None = None) -> None:
         super().__init__(env)
         inner = env.unwrapped
         if not isinstance(inner, CaccGymEnv):
@@ -43,8 +44,8 @@ class ShieldedEnv(gymnasium.Wrapper[Floats, NDArray[Any], Floats, NDArray[Any]])
         interface = self._cacc.simulator.interface
         if interface.brake_unit is None:
             raise InputError(f"{interface.name} has no brake command, and a shield brakes")
-        promise = replace(promise or known(interface) or Promise(), dt=self._cacc.dt)
-        self._shield = Shield(promise, self._cacc.scale.engine_low, self._cacc.scale.brake_high)
+        assumed = replace(assumed or known(interface) or Assumptions(), dt=self._cacc.dt)
+        self._shield = Shield(assumed, self._cacc.scale.engine_low, self._cacc.scale.brake_high)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

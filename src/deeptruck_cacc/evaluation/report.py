@@ -35,7 +35,7 @@ from deeptruck_cacc.evaluation.output import (
 from deeptruck_cacc.evaluation.page import page
 from deeptruck_cacc.safety import guard as guards
 from deeptruck_cacc.safety import truck_limits
-from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model import simulators
@@ -77,7 +77,7 @@ def evaluate(
     every baseline (on a pedal map of this simulator). `full` adds the scenes of hard_scenes.HARD, heavier and
     lighter trucks if the simulator has a mass, recorded leaders if the data are present, and platoons.
     `planner` is a simulator for a planner, as a further baseline. `shield` puts the guard after policy and
-    baselines, with a promise measured on the simulator. `draw` False omits the scenes' figures; `say` is
+    baselines, with assumptions measured on the simulator. `draw` False omits the scenes' figures; `say` is
     called with each step. `out` is written completely or not at all, and an older evaluation is replaced only
     with `overwrite`. Raises InputError for an `out` that cannot be written, and for a policy of another
     truck.
@@ -99,8 +99,8 @@ def _evaluate(
     truck = simulators.load(simulator) if isinstance(simulator, str) else simulator
     driver = load_policy(policy, truck.interface) if isinstance(policy, str) else policy
     check_dt(driver, truck.dt)
-    promise = truck_limits.measure(truck) if extent.shield else None
-    driver = _behind(driver, promise)
+    assumed = truck_limits.measure(truck) if extent.shield else None
+    driver = _behind(driver, assumed)
     pedals = PedalMap.calibrate(truck)
     cases = dict(_cases(truck, rollouts, seed, full))
     sets = {name: _drive(driver, *cases[name]) for name in _each(extent, "driving", cases)}
@@ -117,7 +117,7 @@ def _evaluate(
     bare: dict[str, Policy] = {law: baseline(law, truck.interface, pedals, truck.dt) for law in LAWS}
     if extent.planner:
         bare["planner"] = load_policy(f"{PLANNER}{extent.planner}", truck.interface)
-    drivers = {law: _behind(one, promise) for law, one in bare.items()}
+    drivers = {law: _behind(one, assumed) for law, one in bare.items()}
     results["baselines"] = baselines or _baselines(drivers, cases, own, extent)
     results["against_best"] = against_best(results)
     if full:
@@ -259,9 +259,9 @@ def _each(extent: Extent, doing: str, names: Iterable[str]) -> Iterator[str]:
         yield name
 
 
-def _behind(driver: Policy, promise: Promise | None) -> Policy:
-    """The policy or baseline with the guard, if there is a promise."""
-    return driver if promise is None else guards.guard(driver, promise)
+def _behind(driver: Policy, assumed: Assumptions | None) -> Policy:
+    """The policy or baseline with the guard, if assumptions are given."""
+    return driver if assumed is None else guards.guard(driver, assumed)
 
 
 def _baselines(

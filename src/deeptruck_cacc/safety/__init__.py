@@ -1,5 +1,5 @@
 """Safety functions between a controller and the truck.
 
-Input: observation and commands of a controller, and a promise of the truck's capabilities. Output: commands
+Input: observation and commands of a controller, and assumptions of the truck's capabilities. Output: commands
 that keep the gap, also if signals fail. Also an adversarial search for violations.
 """

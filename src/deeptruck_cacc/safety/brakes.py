@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.assumptions import Assumptions
 
 Array = NDArray[np.float64]
 
@@ -17,13 +17,13 @@ class Brakes:
     """Learns the `gain` of the brakes (batch,), the share of the promised deceleration that they give, and
     limits how fast a policy presses them.
 
-    The least command of the response time and the `rate_s` after it, by the least that the promise says of
+    The least command of the response time and the `rate_s` after it, by the least that is assumed of
     it, is held against the deceleration of those `rate_s`. The slope counts
     in their favour by its error, or by the steepest that is meant where it is not known. Where they give
     less than `fails_below` for `lasts_s` without a break, they have failed.
     """
 
-    promise: Promise
+    assumed: Assumptions
     rate_s: float = 0.4
     least: float = 1.0  # m/s^2, below which a command says nothing of the brakes
     moving: float = 2.0  # m/s
@@ -44,8 +44,8 @@ class Brakes:
 
     def _begin(self, batch: int) -> None:
         self.gain, self.failed_s, self._policy = np.ones(batch), np.zeros(batch), np.zeros(batch)
-        self._shares = np.zeros((round((self.promise.response_s + self.rate_s) / self.promise.dt) + 1, batch))
-        self._speeds = np.full((round(self.rate_s / self.promise.dt) + 1, batch), np.nan)
+        self._shares = np.zeros((round((self.assumed.response_s + self.rate_s) / self.assumed.dt) + 1, batch))
+        self._speeds = np.full((round(self.rate_s / self.assumed.dt) + 1, batch), np.nan)
 
     def gain_of(self, batch: int) -> Array:
         """The gain, 1 for a batch that was not seen yet."""
@@ -66,8 +66,8 @@ class Brakes:
 
     def slewed(self, share: Array, most: Array) -> Array:
         """The share that a policy asks for, at most `most` and changing by the promised jerk, (batch,)."""
-        step = self.promise.jerk * self.promise.dt / self.promise.brake_gain
-        bite = self.promise.bite  # up to there brakes give nothing
+        step = self.assumed.jerk * self.assumed.dt / self.assumed.brake_gain
+        bite = self.assumed.bite  # up to there brakes give nothing
         wanted = np.minimum(share, most)
         reached = np.clip(wanted, self._policy - step, np.maximum(self._policy, bite) + step)
         reached = np.where((wanted <= bite) & (self._policy <= bite + step), wanted, reached)
@@ -76,7 +76,7 @@ class Brakes:
 
     def see(self, speed: Array, grade: Array, heat: Array) -> None:
         """Judge the brakes by the truck's speed (m/s), slope and heat in the brakes (J/kg), each (batch,)."""
-        p = self.promise
+        p = self.assumed
         if len(self.gain) != len(speed):
             self._begin(len(speed))
         self._speeds = np.concatenate([self._speeds[1:], speed[None]])

@@ -19,7 +19,7 @@ from deeptruck_cacc.controllers.loading import load_policy
 from deeptruck_cacc.controllers.onnx_policy import OnnxPolicy
 from deeptruck_cacc.controllers.policy import TYPICAL, MlpPolicy, Observation, Policy
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, require
-from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.shield import Shield
 from deeptruck_cacc.safety.track import Tracker
 from deeptruck_cacc.safety.truck_limits import STEEPEST, known, measure
@@ -128,7 +128,7 @@ class Guard:
         going on as it was last seen to; 0 without a shield."""
         if self.shield is None:
             return np.zeros(len(self.unseen_s))
-        return self._tracker.needed_braking(self.shield.promise.d_safety)
+        return self._tracker.needed_braking(self.shield.assumed.d_safety)
 
     @property
     def brake_gain(self) -> Array:
@@ -257,7 +257,7 @@ class Guard:
 
 def guard(
     policy: Policy,
-    promise: Promise | None = None,
+    assumed: Assumptions | None = None,
     *,
     shield: bool = True,
     brake_limit: float = math.inf,
@@ -265,21 +265,21 @@ def guard(
 ) -> Guard:
     """A policy with tracker, hand-over and, unless `shield` is False, shield.
 
-    The promise is the given one, else the one stored for a truck of this name, else the cautious default. Of
-    a brake command no more than `brake_limit`, in its unit, reaches the brakes, and rises by `brake_rate` a
-    second there: a ramp is a delay by half of it.
+    The assumptions are the given ones, else those stored for a truck of this name, else the cautious default.
+    Of a brake command no more than `brake_limit`, in its unit, reaches the brakes, rising by `brake_rate` a
+    second: a ramp is a delay by half of it.
     """
     learned = policy if isinstance(policy, MlpPolicy | OnnxPolicy) else None
     scale = learned.scale if learned else ActionScale.of(policy)
-    promise = promise or known(policy.interface) or Promise()
+    assumed = assumed or known(policy.interface) or Assumptions()
     limit = min(brake_limit, scale.brake_high)
-    response_s = promise.response_s + 0.5 * limit / brake_rate
-    promise = replace(promise, dt=policy.dt, limit_share=limit / scale.brake_high, response_s=response_s)
+    response_s = assumed.response_s + 0.5 * limit / brake_rate
+    assumed = replace(assumed, dt=policy.dt, limit_share=limit / scale.brake_high, response_s=response_s)
     stands = shield and policy.interface.brake_unit is not None
     return Guard(
         policy,
         baseline("acc", policy.interface, dt=policy.dt),
-        Shield(promise, scale.engine_low, scale.brake_high) if stands else None,
+        Shield(assumed, scale.engine_low, scale.brake_high) if stands else None,
         learned.coverage if learned else {},
     )
 
@@ -294,12 +294,12 @@ def load_controller(
     brake_limit: float = math.inf,
     brake_rate: float = math.inf,
 ) -> Guard:
-    """The controller for a node: load_policy with a guard, whose promise is measured on the simulator
-    `limits_of` if there is one, on descents to `limits_grade`, and holds for a bridge that lets pass
+    """The controller for a node: load_policy with a guard, whose assumptions are measured on the simulator
+    `limits_of` if there is one, on descents to `limits_grade`, and hold for a bridge that lets pass
     `brake_limit` and `brake_rate`.
 
     Raises InputError if that cannot be loaded or does not brake.
     """
-    promise = measure(simulators.load(limits_of), worst_grade=limits_grade) if limits_of and shield else None
+    assumed = measure(simulators.load(limits_of), worst_grade=limits_grade) if limits_of and shield else None
     policy = load_policy(path, interface)
-    return guard(policy, promise, shield=shield, brake_limit=brake_limit, brake_rate=brake_rate)
+    return guard(policy, assumed, shield=shield, brake_limit=brake_limit, brake_rate=brake_rate)

@@ -1,10 +1,10 @@
 """Tests the promise: batched rollouts, and an adversarial search for a violation.
 
-The truck is the worst one that the promise permits: for `response_s` after the full brake command it goes on
+The truck is the worst one that is assumed: for `response_s` after the full brake command it goes on
 braking as little as before, or accelerates by a(v) where it did not brake, then brakes with exactly
 `braking(heat)`; below the full command it brakes by the least that is promised of it. The adversary controls
-policy, leader, radar error and dropouts; a leader that the radar has lost may brake as hard as the promise
-says. Two results are counted: how close the gap comes to d_safety, and how early the shield brakes.
+policy, leader, radar error and dropouts; a leader that the radar has lost may brake as hard as
+is assumed. Two results are counted: how close the gap comes to d_safety, and how early the shield brakes.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.shield import Ahead, Shield, Truck
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-FULL = 1.0 - 1e-9
+FULL = 1.0 - 1e-9  # share of the brake command: all of it, but for rounding
 KNOTS = 12  # pieces of a rollout in which leader, policy and radar keep one behaviour
 WIDTH = 5 + 4 * KNOTS  # numbers that describe one rollout, each in 0..1
 
@@ -54,13 +54,13 @@ class _Leader(NamedTuple):
     detected."""
 
     speed: Array
-    slow: Array  # speed when seen, through the filter of the promise
+    slow: Array  # speed when seen, through the filter of the assumptions
     braking: Array  # the hardest it may brake while it is not seen
     unseen_s: Array
     worst_lag_m: Array  # by how much less than the true one the gap behind the worst leader is
     worst_speed: Array
 
-    def moved(self, p: Promise, pull: Array, lost: Flags) -> _Leader:
+    def moved(self, p: Assumptions, pull: Array, lost: Flags) -> _Leader:
         """The leader one step later, at the acceleration `pull` (batch,); `lost` marks rollouts in which the
         truck does not detect the leader in that step."""
         may = np.where(lost, np.minimum(self.braking + p.unseen_jerk * p.dt, p.leader_braking), 0.0)
@@ -75,13 +75,12 @@ class _Leader(NamedTuple):
         return _Leader(speed, slow, braking, np.where(lost, self.unseen_s + p.dt, 0.0), behind, worst)
 
 
-def rollouts(promise: Promise, genes: Array, steps: int = 300, *, shielded: bool = True) -> Margins:
+def rollouts(assumed: Assumptions, genes: Array, steps: int = 300, *, shielded: bool = True) -> Margins:
     """Simulate rollouts with genes (batch, WIDTH).
 
-    Every rollout starts at a state covered by the promise: at or above the gap from which immediate braking
-    suffices.
+    Every rollout starts at a covered state: at or above the gap from which immediate braking suffices.
     """
-    p, batch = promise, len(genes)
+    p, batch = assumed, len(genes)
     speed, first, heat = 32.0 * genes[:, 0], 32.0 * genes[:, 1], 1500.0 * genes[:, 2] ** 2
     start = p.needed_gap(speed + p.speed_error, np.maximum(first - p.speed_error, 0.0), heat, 0.0)
     gap = start + p.gap_error + 20.0 * genes[:, 3] ** 3
@@ -89,7 +88,7 @@ def rollouts(promise: Promise, genes: Array, steps: int = 300, *, shielded: bool
     partly = np.zeros(batch)  # share of the brake command before it was full
     leader = _Leader(first, first, nothing, nothing, nothing, first)
     shield = Shield(p, 0.0, 1.0)
-    # the promise includes knowing how hot the brakes are
+    # the assumptions include knowing how hot the brakes are
     shield._truck = Truck.unknown(batch)._replace(speed=speed, heat=heat.copy())
     shield._ahead = Ahead.never(1, batch)._replace(
         gap=gap[None], speed=first[None], slow=first[None], unseen_s=nothing[None]
@@ -123,7 +122,7 @@ def _piece(k: int, steps: int) -> int:
 
 
 def _measured(
-    p: Promise, gap: Array, leader: Array, speed: Array, noise: Array, lost: Flags
+    p: Assumptions, gap: Array, leader: Array, speed: Array, noise: Array, lost: Flags
 ) -> tuple[Array, Array, Array]:
     """Readings of radar and speedometer at the limits of their stated errors."""
     sign = 2.0 * (noise > 0.3) - 1.0  # mostly flattering: further and faster than true
@@ -139,7 +138,7 @@ def _policy(wish: Array) -> tuple[Array, Array]:
 
 
 def _worst_truck(
-    p: Promise,
+    p: Assumptions,
     speed: Array,
     since: Array,
     heat: Array,
@@ -161,23 +160,23 @@ def _worst_truck(
     return after, np.where(full, since + p.dt, 0.0), heat
 
 
-def random_search(promise: Promise, count: int, *, shielded: bool = True) -> Outcome:
+def random_search(assumed: Assumptions, count: int, *, shielded: bool = True) -> Outcome:
     """`count` rollouts with uniformly random genes."""
     rng = np.random.default_rng(0)
     return _outcome(
-        rollouts(promise, rng.random((min(10_000, count - done), WIDTH)), shielded=shielded)
+        rollouts(assumed, rng.random((min(10_000, count - done), WIDTH)), shielded=shielded)
         for done in range(0, count, 10_000)
     )
 
 
-def adversarial_search(promise: Promise, *, population: int = 2500, generations: int = 20) -> Outcome:
+def adversarial_search(assumed: Assumptions, *, population: int = 2500, generations: int = 20) -> Outcome:
     """Cross-entropy search for the smallest margin: each generation is drawn around the worst 4 % so far."""
     rng = np.random.default_rng(0)
     genes = rng.random((population, WIDTH))
     elite, elite_margin = np.zeros((0, WIDTH)), np.zeros(0)
     found = []
     for _ in range(generations):
-        found.append(rollouts(promise, genes))
+        found.append(rollouts(assumed, genes))
         margin = found[-1].least
         pool, pool_margin = np.vstack([elite, genes]), np.concatenate([elite_margin, margin])
         best = np.argsort(pool_margin)[: population // 25]
@@ -197,13 +196,13 @@ def _outcome(parts: Iterable[Margins]) -> Outcome:
     return Outcome(len(margin), crashes, float(margin.min()), float(share.mean()), float(early.max()))
 
 
-def hardest_braking_when_lost(promise: Promise, speed: Array, time_gap: float, seconds: float) -> Array:
+def hardest_braking_when_lost(assumed: Assumptions, speed: Array, time_gap: float, seconds: float) -> Array:
     """Hardest braking (m/s^2, (batch,)) while a leader with the truck's speed (batch,) is lost for `seconds`.
 
     The policy keeps the speed; the truck decelerates in proportion to the brake command, by `mild_braking` at
     `mild_brake`.
     """
-    p, shield = promise, Shield(promise, 0.0, 1.0)
+    p, shield = assumed, Shield(assumed, 0.0, 1.0)
     per_brake = p.mild_braking / p.mild_brake
     own, gap, hardest = speed.copy(), time_gap * speed, np.zeros(len(speed))
     for k in range(-20, round(seconds / p.dt) + 1):

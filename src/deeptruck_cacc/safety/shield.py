@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.brakes import Brakes
-from deeptruck_cacc.safety.promise import Promise
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -62,7 +62,7 @@ class Shield:
     the nearest to it of all objects; behind one at 0 m before anything was measured.
     """
 
-    promise: Promise
+    assumed: Assumptions
     engine_low: float
     brake_high: float
     acted: Flags = field(default_factory=lambda: np.zeros(0, bool))
@@ -75,7 +75,7 @@ class Shield:
     _spared: tuple[Array, Array] = field(default_factory=lambda: (np.zeros(0), np.zeros(0)), repr=False)
 
     def __post_init__(self) -> None:
-        self.brakes = Brakes(self.promise)
+        self.brakes = Brakes(self.assumed)
 
     def reset(self) -> None:
         """Reset the state, with cold brakes that give what is promised."""
@@ -139,7 +139,7 @@ class Shield:
     def limit(self, engine: Array, brake: Array, grade: Array | float = np.nan) -> tuple[Array, Array]:
         """Commands to send, each (batch,); NaN in a command is 'no command'. It brakes if nothing was ever
         measured."""
-        p, truck = self.promise, self._truck
+        p, truck = self.assumed, self._truck
         slack, unseen = self._slack()
         missing = ~(np.isfinite(engine) & np.isfinite(brake))
         past = np.where(np.isfinite(truck.slack), truck.slack, slack)
@@ -173,7 +173,7 @@ class Shield:
     def steady_gap(self, speed: Array) -> Array:
         """Least gap (m, (batch,)) for following a leader without intervention of the shield, while the truck
         is at most `closing` faster."""
-        p = self.promise
+        p = self.assumed
         heat, gain = np.zeros(len(speed)), np.ones(len(speed))
         if len(self._truck.heat) == len(speed):
             heat, gain = self._truck.heat, self.brakes.gain_of(len(speed))
@@ -189,7 +189,7 @@ class Shield:
         compensate later. A policy's own braking changes by `jerk` at most, and may be harder than `yielding`
         only as far as stopping behind an object that brakes on as it does needs it.
         """
-        p, truck, ahead = self.promise, self._truck, self._ahead
+        p, truck, ahead = self.assumed, self._truck, self._ahead
         if ahead is None:
             return engine, brake
         gain = self.brakes.gain_of(len(truck.speed))
@@ -215,7 +215,7 @@ class Shield:
     def _braking_to_stop(self) -> Array:
         """Deceleration (m/s^2, (batch,)) with which the truck stops behind every object, if each goes on
         braking as it does."""
-        p, ahead, speed = self.promise, self._ahead, self._truck.speed
+        p, ahead, speed = self.assumed, self._ahead, self._truck.speed
         assert ahead is not None
         way = ahead.gap - p.d_safety - speed * p.response_s
         way = way + ahead.speed**2 / (2 * np.maximum(ahead.braking, 0.1))
@@ -225,7 +225,7 @@ class Shield:
     def _slack(self) -> tuple[Array, Flags]:
         """Distance (m, (batch,)) to the limit behind the object that is nearest to it, and whether that one
         is not measured."""
-        p, truck, ahead = self.promise, self._truck, self._ahead
+        p, truck, ahead = self.assumed, self._truck, self._ahead
         assert ahead is not None, "see comes first"
         gain = self.brakes.gain_of(len(truck.speed))
         slack = ahead.gap - p.needed_gap(truck.speed, ahead.speed, truck.heat, p.dt, gain)
@@ -240,7 +240,7 @@ class Shield:
 
         An object that is not detected continues with its last motion, braking harder by `unseen_jerk`.
         """
-        p, old, truck = self.promise, self._ahead, self._truck
+        p, old, truck = self.assumed, self._ahead, self._truck
         assert old is not None
         received, never = np.isfinite(leader_speed), np.isinf(old.unseen_s)
         known = np.maximum(np.where(received, leader_speed - p.speed_error, 0.0), 0.0)

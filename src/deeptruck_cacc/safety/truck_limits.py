@@ -1,4 +1,4 @@
-"""Measures on a simulator the truck capabilities that a Promise assumes, by emergency stops from many
+"""Measures on a simulator the truck capabilities that a Assumptions assumes, by emergency stops from many
 states.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.scaling import ActionScale
-from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.proof import hardest_braking_when_lost
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import SPEED, TruckInterface
@@ -23,7 +23,7 @@ from deeptruck_model.simulators import Simulator, load
 
 Array = NDArray[np.float64]
 PREPARE_S, STOP_S = 4.0, 14.0
-STEEPEST = -0.03  # rise over run, of the descents for which promises are stored
+STEEPEST = -0.03  # rise over run: most of a motorway; runs measure for steeper descents
 NO_BRAKING = 0.02  # m/s^2
 MILD = 0.1  # share of the brake command about which following brakes
 ROTATING = (
@@ -32,8 +32,12 @@ ROTATING = (
 
 
 def measure(
-    simulator: Simulator, *, worst_grade: float = STEEPEST, reserve: float = 0.05, base: Promise | None = None
-) -> Promise:
+    simulator: Simulator,
+    *,
+    worst_grade: float = STEEPEST,
+    reserve: float = 0.05,
+    base: Assumptions | None = None,
+) -> Assumptions:
     """`base` with braking, response_s and accelerations measured on this truck, each made worse by the share
     `reserve`, and with what its brakes give at small commands: `bite`, `brake_gain` and `mild_brake`. Where
     the simulator has parameters of its brakes' heat, these take the place of the stated ones.
@@ -47,7 +51,7 @@ def measure(
     dt, start = simulator.dt, np.take_along_axis(speed, begin[None], axis=0)[0]
     rate = np.diff(speed, axis=0) / dt
     bounds = replace(
-        base or Promise(),
+        base or Assumptions(),
         dt=dt,
         max_acceleration=float(rate.max()) * (1 + reserve),
         power_per_mass=float((rate * speed[1:]).max()) * (1 + reserve),
@@ -57,7 +61,7 @@ def measure(
     most = bounds.acceleration_at(start)
     time = (np.arange(len(speed))[:, None] - begin) * dt
     moving = (speed > 0.2) & (time > 0)
-    best: Promise | None = None
+    best: Assumptions | None = None
     for response in np.arange(dt, 1.55, dt):
         beyond = time - response
         late = moving & (beyond > 0)
@@ -75,27 +79,29 @@ def measure(
     return best
 
 
-def bridged_time_gap(promise: Promise) -> float:
+def bridged_time_gap(assumed: Assumptions) -> float:
     """Smallest time gap (s, by 0.1) at which a steady leader may be lost for `bridged_s` at 5 to 29 m/s
     without braking beyond `mild_braking`. Raises InputError if 10 s do not suffice."""
     speed: Array = np.arange(5.0, 30.0, dtype=float)
     for tenths in range(5, 101):
-        hardest = hardest_braking_when_lost(promise, speed, tenths / 10, promise.bridged_s)
-        if (hardest <= promise.mild_braking + 1e-9).all():
+        hardest = hardest_braking_when_lost(assumed, speed, tenths / 10, assumed.bridged_s)
+        if (hardest <= assumed.mild_braking + 1e-9).all():
             return tenths / 10
     raise InputError("behind a leader that vanishes the truck brakes hard at every time gap")
 
 
-def _with_small_commands(promise: Promise, simulator: Simulator, grade: float, reserve: float) -> Promise:
-    """The promise with what the brake commands of half the range and less do, on the level and on `grade`."""
+def _with_small_commands(
+    assumed: Assumptions, simulator: Simulator, grade: float, reserve: float
+) -> Assumptions:
+    """With what the brake commands of half the range and less do, on the level and on `grade`."""
     shares: Array = np.linspace(0.0, 0.5, 26)
     level, steep = (_slowing(simulator, shares, slope) for slope in (0.0, grade))
-    mild = np.interp(promise.mild_braking, np.maximum.accumulate(level.max(axis=1)), shares)
+    mild = np.interp(assumed.mild_braking, np.maximum.accumulate(level.max(axis=1)), shares)
     added, on_descent = ((table - table[0]).max(axis=1) for table in (level, steep))
     bite, gain = _line_above(shares, added)
     more = max(float((on_descent - added)[shares > 0.1].max()), 0.0)
     return replace(
-        promise,
+        assumed,
         mild_brake=float(mild),
         bite=bite,
         brake_gain=gain * ROTATING * (1 + reserve),
@@ -120,7 +126,7 @@ def _gain(beyond: Array, added: Array) -> float:
 
 
 def _heat_constants(truck: Mapping[str, float], reserve: float) -> dict[str, Any]:
-    """Fade and cooling of a promise from the parameters of a truck that names its brakes' heat; else {}."""
+    """Fade and cooling, from the parameters of a truck that names its brakes' heat; else {}."""
     names = ("brake_heat_capacity", "brake_fade", "fade_temperature", "brake_cooling", "brake_cooling_speed")
     if not {*names, "ambient_temperature", "mass"} <= truck.keys():
         return {}
@@ -158,10 +164,10 @@ def _on_roads(simulator: Simulator) -> Simulator:
     return simulator.with_grade_input() if hasattr(simulator, "with_grade_input") else simulator
 
 
-def _gap(promise: Promise) -> float:
+def _gap(assumed: Assumptions) -> float:
     """Needed gap at 20 m/s behind a leader at 20 m/s, with cold brakes."""
     v = np.array([20.0])
-    return float(promise.needed_gap(v, v, np.zeros(1), promise.dt)[0])
+    return float(assumed.needed_gap(v, v, np.zeros(1), assumed.dt)[0])
 
 
 def _emergency_stops(simulator: Simulator, grade: float) -> tuple[Array, NDArray[np.int64]]:
@@ -191,8 +197,8 @@ TABLE = Path(__file__).with_name("promises.json")
 
 def known(
     interface: TruckInterface, parameters: Mapping[str, float] | None = None, steepest: float = STEEPEST
-) -> Promise | None:
-    """The promise stored for a truck of this name in promises.json.
+) -> Assumptions | None:
+    """The assumptions stored for a truck of this name in promises.json.
 
     None where there is none, where the `parameters` of a simulator of that name are another truck's (another
     load, say), or for steeper descents. Without parameters the name counts.
@@ -201,7 +207,7 @@ def known(
     if row is None or steepest < STEEPEST or (parameters and digest(parameters) != row["parameters"]):
         return None
     del row["parameters"]
-    return Promise(**row)
+    return Assumptions(**row)
 
 
 def digest(parameters: Mapping[str, float]) -> str:
@@ -216,8 +222,8 @@ def main() -> None:
     trucks = {name: load(f"truck:{name}") for name in names}
     found = {name: measure(truck) for name, truck in trucks.items()}
     table = {
-        name: asdict(replace(promise, bridged_time_gap=bridged_time_gap(promise)))
-        for name, promise in found.items()
+        name: asdict(replace(assumed, bridged_time_gap=bridged_time_gap(assumed)))
+        for name, assumed in found.items()
     }
     rounded = {
         name: {k: float(f"{v:.5g}") for k, v in row.items()}

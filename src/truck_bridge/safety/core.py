@@ -18,7 +18,7 @@ from enum import Enum
 
 from truck_bridge.safety.checks import checksum_ok, counter_ok
 from truck_bridge.safety.demands import Demands
-from truck_bridge.safety.ending import BrakeHold
+from truck_bridge.safety.ending import STANDS_M_S, BrakeHold
 from truck_bridge.safety.hearing import Hearing
 from truck_bridge.safety.motion import Motion
 from truck_bridge.safety.tables import SIGNED, Axis, Table
@@ -43,7 +43,6 @@ class State(Enum):
 
 BRAKED = (State.HOLDING, State.STOPPING)
 IN_CONTROL = (State.ENGAGED, *BRAKED, State.FADING)
-STANDS_M_S = 0.1  # below, a truck stands
 TWIN = "another node uses our address"
 STANDS = "Standing: engage to drive off, or take over"
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+STANDS_M_S = 0.1  # below, a truck stands; ours
+
 
 class BrakeHold:
     """Brake demands that are held and never fall. `beyond` has for each braking axis the demand, with its

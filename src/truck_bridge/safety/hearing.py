@@ -12,7 +12,7 @@ from truck_bridge.safety.tables import Heard, Measured, Table
 
 NEVER = (math.nan, -math.inf, -math.inf)  # a signal that has not come yet; see Hearing._values
 TOO_OFTEN = 1.75  # times the nominal rate: a second sender, or a flood
-GRAVITY = 9.81
+GRAVITY = 9.81  # m/s^2, restated: the core imports nothing
 STEEP = 0.1  # rise over run that `Table.coasts_m_s2` has in it
 UNHEARD_SLOPE = 0.06  # rise over run that may be there where the truck does not say
 SLOPE_ERROR = 0.02

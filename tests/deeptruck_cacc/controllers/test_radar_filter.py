@@ -93,7 +93,7 @@ def test_the_shield_hears_the_reading_itself(toy):
     layers = [(np.zeros((2, len(features.names))), np.zeros(2))]
     driver = guard(MlpPolicy(layers, features, ActionScale.of(toy), toy.interface))
     assert driver.shield is not None
-    p = driver.shield.promise
+    p = driver.shield.assumed
     speed, none = np.array([18.1]), np.zeros(1)
     needed = p.needed_gap(speed, np.array([17.9]), none, p.dt)[0] + p.gap_error + p.soft_m
     seen = {"leader_speed": 18.0, "speed": 18.0, "target_time_gap": 2.0}

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.brakes import Brakes
-from deeptruck_cacc.safety.promise import GRAVITY, Promise
 from deeptruck_cacc.safety.shield import Shield
+from deeptruck_core.constants import ROUNDED_GRAVITY
 
-PROMISE = Promise()
+ASSUMED = Assumptions()
 
 
 def column(*values: float) -> np.ndarray:
@@ -20,8 +21,8 @@ def column(*values: float) -> np.ndarray:
 
 def test_brakes_that_give_half_are_learned_within_a_second_and_need_more_room() -> None:
     """At 3 m/s^2 asked for by a policy the truck slows down by 1.5 m/s^2; once it gives all again, slowly."""
-    shield, speed, share = Shield(PROMISE, 0.0, 100.0), 25.0, 0.6
-    promised = float(PROMISE.least_braking(column(share), column(0.0))[0])
+    shield, speed, share = Shield(ASSUMED, 0.0, 100.0), 25.0, 0.6
+    promised = float(ASSUMED.least_braking(column(share), column(0.0))[0])
     gains, rooms, failed = [], [], []
     for k in range(40):
         shield.see(column(150.0), column(25.0), column(speed), column(0.0))
@@ -37,12 +38,12 @@ def test_brakes_that_give_half_are_learned_within_a_second_and_need_more_room() 
 
 def judged(share: float, gain: float, grade: float = 0.0, known: bool = True, speed: float = 25.0) -> float:
     """The gain that is learned in 3 s of a constant share, from brakes that give `gain` on a slope."""
-    brakes = Brakes(PROMISE)
-    promised = float(PROMISE.least_braking(column(share), column(0.0))[0])
+    brakes = Brakes(ASSUMED)
+    promised = float(ASSUMED.least_braking(column(share), column(0.0))[0])
     for _ in range(30):
         brakes.see(column(speed), column(grade if known else np.nan), column(0.0))
         brakes.sent(column(share))
-        speed -= PROMISE.dt * (promised * gain + GRAVITY * grade)
+        speed -= ASSUMED.dt * (promised * gain + ROUNDED_GRAVITY * grade)
     return float(brakes.gain[0])
 
 
@@ -57,18 +58,18 @@ def test_slope_counts_by_what_is_known_of_it_and_weak_commands_say_nothing() -> 
 
 def test_brakes_that_keep_a_deceleration_are_not_judged_by_the_slope() -> None:
     """Uphill they press less for the same deceleration."""
-    promise, speed = replace(PROMISE, descent_share=1.5), 25.0
-    brakes = Brakes(promise)
-    promised = float(promise.least_braking(column(0.4), column(0.0))[0])
+    assumed, speed = replace(ASSUMED, descent_share=1.5), 25.0
+    brakes = Brakes(assumed)
+    promised = float(assumed.least_braking(column(0.4), column(0.0))[0])
     for _ in range(30):
         brakes.see(column(speed), column(0.06), column(0.0))
         brakes.sent(column(0.4))
-        speed -= promise.dt * promised
+        speed -= assumed.dt * promised
     assert brakes.gain[0] == 1.0
 
 
 def test_a_policy_presses_by_the_jerk_and_releases_below_the_bite_at_once() -> None:
-    brakes = Brakes(replace(PROMISE, bite=0.05))
+    brakes = Brakes(replace(ASSUMED, bite=0.05))
     brakes.see(column(20.0), column(0.0), column(0.0))
     step, free = 3.0 * 0.1 / 7.5, column(1.0)
     sent = [float(brakes.slewed(column(share), free)[0]) for share in (1.0, 1.0, 0.0, 0.0, 0.04, 0.0)]

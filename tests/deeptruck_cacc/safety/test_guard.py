@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from deeptruck_cacc.controllers.baselines import LAWS, baseline
 from deeptruck_cacc.controllers.policy import MlpPolicy
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
+from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.guard import Guard, guard, load_controller
-from deeptruck_cacc.safety.promise import Promise
 from deeptruck_core.signals import SPEED
 from deeptruck_model import trucks
 
@@ -64,7 +64,7 @@ def test_a_speedometer_that_stays_silent_is_no_reason_to_drive_on() -> None:
     silent = np.array([commands(driver, speed=np.nan) for _ in range(20)])
     np.testing.assert_allclose(silent[:9], [commands(undisturbed) for _ in range(9)])
     assert driver.shield is not None
-    mild = 100.0 * driver.shield.promise.mild_brake
+    mild = 100.0 * driver.shield.assumed.mild_brake
     np.testing.assert_allclose(silent[12:], np.tile([0.0, mild], (8, 1)))
 
 
@@ -94,7 +94,7 @@ def test_a_leader_without_a_speed_is_not_seen() -> None:
     """Half a reading is none: the shield's leader brakes by unseen_jerk harder in each step."""
     driver = load_controller("baseline:cacc", TRUCK)
     assert driver.shield is not None
-    p = driver.shield.promise
+    p = driver.shield.assumed
     for _ in range(3):
         commands(driver)
     for _ in range(5):
@@ -107,9 +107,9 @@ def test_a_leader_without_a_speed_is_not_seen() -> None:
 
 @pytest.mark.parametrize("speed", [8.0, 25.0])
 def test_on_a_truck_that_was_never_measured_the_engine_is_not_switched_on_and_off(speed: float) -> None:
-    """Its cautious promise needs more than 2 s: policy and shield must not drive against each other."""
+    """Its cautious assumptions need more than 2 s: policy and shield must not drive against each other."""
     truck = trucks.load("trucksim")
-    driver = guard(baseline("acc", truck.interface), Promise())
+    driver = guard(baseline("acc", truck.interface), Assumptions())
     rng, gap = np.random.default_rng(3), 2.0 * speed
     y = np.zeros((1, len(truck.interface.y)))
     y[0, SPEED] = speed

@@ -11,14 +11,14 @@ from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.environments import hard_scenes, scenes
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.safety import proof, truck_limits
+from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.guard import guard, load_controller
-from deeptruck_cacc.safety.promise import Promise
 from deeptruck_cacc.safety.shield import Shield
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import SPEED, TruckInterface
 from deeptruck_model import simulators
 
-PROMISE = Promise()
+PROMISE = Assumptions()
 COOLING = 3.4e-4 + 1.6e-5 * 20.0  # 1/s, at 20 m/s
 
 
@@ -26,7 +26,7 @@ def column(*values: float) -> np.ndarray:
     return np.array(values, float)
 
 
-def stopping_margin(p: Promise, gap: float, speed: float, leader: float, wait: float) -> float:
+def stopping_margin(p: Assumptions, gap: float, speed: float, leader: float, wait: float) -> float:
     """The requirement in small steps: the leader brakes at its bound, the truck late and then at its own."""
     h, t, least = 0.001, 0.0, gap
     rise = float(p.acceleration_at(column(speed))[0])
@@ -59,8 +59,8 @@ def test_the_heat_of_the_stop_itself_fades_the_brakes(stop_heat):
     braking = 4.2 * (1.0 - 2.5e-4 * (stop_heat * peak**2 / 2 - 400.0))
     travelled = 30.0 * late + rise * late**2 / 2 + peak**2 / (2 * braking)
     gap = 2.0 + travelled + peak * 0.1 / 2 + braking * 0.1**2 / 2 - 10.0**2 / (2 * 6.0)
-    promise = replace(PROMISE, stop_heat=stop_heat)
-    assert promise.needed_gap(column(30.0), column(10.0), column(0.0), 0.1) == pytest.approx(gap)
+    assumed = replace(PROMISE, stop_heat=stop_heat)
+    assert assumed.needed_gap(column(30.0), column(10.0), column(0.0), 0.1) == pytest.approx(gap)
 
 
 @pytest.mark.parametrize(("since", "share"), [(0.0, 0.0), (0.5, 0.0), (0.6, 1.2 * 4.2)])
@@ -120,7 +120,7 @@ def test_random_policies_leaders_and_radars_find_no_violation():
 
 
 def test_a_search_finds_a_shield_that_trusts_a_lost_leader_too_long():
-    class Trusting(Promise):
+    class Trusting(Assumptions):
         """Its leader keeps its speed while it is not seen; the true one does not."""
 
     trusting = Trusting(unseen_jerk=0.0, track_s=1e6)
@@ -129,9 +129,9 @@ def test_a_search_finds_a_shield_that_trusts_a_lost_leader_too_long():
 
     class Believing(Shield):
         def _move(self, *seen):
-            kept, self.promise = self.promise, trusting
+            kept, self.assumed = self.assumed, trusting
             super()._move(*seen)
-            self.promise = kept
+            self.assumed = kept
 
     original, proof.Shield = proof.Shield, Believing
     try:
@@ -153,12 +153,12 @@ def test_it_brakes_no_earlier_than_the_worst_leader_consistent_with_the_track_ne
 
 @pytest.mark.parametrize("name", ["trucksim", "freightliner", "volvo"])
 def test_a_steady_leader_that_is_lost_for_three_seconds_causes_mild_braking_at_most(name):
-    promise = truck_limits.known(simulators.load(f"truck:{name}").interface)
+    assumed = truck_limits.known(simulators.load(f"truck:{name}").interface)
     speed = np.arange(5.0, 30.0)
-    assert promise.bridged_s == 3.0 and promise.bridged_time_gap <= 2.0
-    hardest = proof.hardest_braking_when_lost(promise, speed, promise.bridged_time_gap, promise.bridged_s)
-    assert (hardest <= promise.mild_braking + 1e-9).all()
-    near = proof.hardest_braking_when_lost(promise, speed, 1.2, promise.bridged_s)
+    assert assumed.bridged_s == 3.0 and assumed.bridged_time_gap <= 2.0
+    hardest = proof.hardest_braking_when_lost(assumed, speed, assumed.bridged_time_gap, assumed.bridged_s)
+    assert (hardest <= assumed.mild_braking + 1e-9).all()
+    near = proof.hardest_braking_when_lost(assumed, speed, 1.2, assumed.bridged_s)
     assert near.max() > 2.0
 
 
@@ -167,7 +167,7 @@ def test_adversarial_search_finds_no_violation_and_finds_a_broken_shield():
     assert outcome.violations == 0
     assert outcome.least_margin_m < 1.0  # it gets close: the search is worth something
 
-    class Late(Promise):
+    class Late(Assumptions):
         """A shield that believes in brakes a fifth better than they are."""
 
         def needed_gap(self, *state):
@@ -287,9 +287,9 @@ def test_every_object_is_stopped_behind_and_one_that_hides_another_counts_alone(
 
 def test_brakes_that_keep_a_deceleration_heat_more_downhill():
     """By `descent_share` for each unit of a measured slope and its error; the steepest if unknown."""
-    promise, sent = replace(PROMISE, descent_share=1.5), {}
+    assumed, sent = replace(PROMISE, descent_share=1.5), {}
     for grade, brake in ((np.nan, 10.0), (-0.02, 10.0), (0.02, 10.0), (-0.02, 0.0)):
-        shield = Shield(promise, 0.0, 100.0)
+        shield = Shield(assumed, 0.0, 100.0)
         shield.filter(column(500.0), column(20.0), column(20.0), column(0.0), column(brake), column(grade))
         sent[str(grade), brake] = float(shield._truck.heat[0]) / (0.1 * 7.5 * 20.1)
     assert sent["nan", 10.0] == pytest.approx(0.1 + 1.5 * 0.03)
@@ -416,8 +416,8 @@ def test_brakes_stay_hot_where_the_past_is_forgotten_and_are_not_heated_by_what_
 
 
 def test_below_their_bite_brakes_are_not_heated_and_they_give_at_most_what_tyres_hold():
-    promise = replace(PROMISE, bite=0.05, brake_gain=14.0)
-    heat = promise.heat_after(column(0.0, 0.0, 0.0), column(0.05, 0.15, 0.9), column(20.0, 20.0, 20.0))
+    assumed = replace(PROMISE, bite=0.05, brake_gain=14.0)
+    heat = assumed.heat_after(column(0.0, 0.0, 0.0), column(0.05, 0.15, 0.9), column(20.0, 20.0, 20.0))
     assert heat == pytest.approx([0.0, 0.1 * 14.0 * 0.1 * 20.0, 0.1 * 7.5 * 20.0])
 
 
@@ -443,25 +443,25 @@ def truck():
 
 
 def test_measured_limits_hold_on_the_truck_and_are_plausible(truck):
-    promise = truck_limits.measure(truck)
-    assert 3.5 < promise.braking < 7.0 and 0.1 <= promise.response_s <= 1.0
+    assumed = truck_limits.measure(truck)
+    assert 3.5 < assumed.braking < 7.0 and 0.1 <= assumed.response_s <= 1.0
     weak = truck_limits.measure(truck.with_parameters({"brake_gain": 0.5}))
-    assert weak.braking < 0.6 * promise.braking
+    assert weak.braking < 0.6 * assumed.braking
 
 
 @pytest.mark.parametrize("name", ["trucksim", "freightliner", "volvo"])
 def test_the_mild_brake_slows_the_truck_down_by_mild_braking(name):
     truck = simulators.load(f"truck:{name}")
-    promise = truck_limits.known(truck.interface)
+    assumed = truck_limits.known(truck.interface)
     scale, speed = ActionScale.of(truck), np.arange(10.0, 29.0, 3.0)
     state = truck.reset(np.column_stack([0.0 * speed, speed, 0.0 * speed]))
-    u = np.tile([scale.engine_low, promise.mild_brake * scale.brake_high], (len(speed), 1))
+    u = np.tile([scale.engine_low, assumed.mild_brake * scale.brake_high], (len(speed), 1))
     rates = []
     for _ in range(30):
         state, y = truck.step(state, u, np.zeros((len(speed), len(truck.interface.w))))
         rates.append(y[:, 0])
     slowing = -np.mean(rates[10:], axis=0)
-    assert (slowing > 0.4).all() and (slowing < promise.mild_braking + 0.05).all()
+    assert (slowing > 0.4).all() and (slowing < assumed.mild_braking + 0.05).all()
 
 
 def test_no_crash_behind_a_full_stop_whatever_the_policy(truck):

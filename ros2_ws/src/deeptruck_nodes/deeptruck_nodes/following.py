@@ -19,7 +19,7 @@ HOLE_S = 0.5  # between two observations, beyond which the past is forgotten; at
 CONTRADICTED_S = 1.0  # for which a radar may contradict itself, or the truck's speed
 LEAST_M_S2 = 0.2  # needed braking that noise of the readings may look like
 HARDER = 1.2  # than is needed, as no command follows
-FULL = 0.95  # of the highest brake command: full braking
+FULL = 0.95  # of the highest brake command: counted as a full braking
 
 
 @dataclass
@@ -132,7 +132,7 @@ class Following:
         shield, needs = self._guard.shield, float(self._guard.needed_braking[0])
         if shield is None:
             return math.nan
-        p, slope = shield.promise, self._acted.grade if self._acted else 0.0
+        p, slope = shield.assumed, self._acted.grade if self._acted else 0.0
         if not needs > max(p.mild_braking + GRAVITY * slope, LEAST_M_S2):
             return math.nan
         share = max(needs / p.braking, float(p.share_of(p.yielding))) * HARDER

@@ -7,17 +7,16 @@ import math
 import numpy as np
 
 from deeptruck_cacc.controllers.scaling import ActionScale
-from deeptruck_cacc.safety.promise import Promise
+from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.truck_limits import known
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, FUEL, SPEED
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.trucks.accelerometer import Accelerometer
 from deeptruck_nodes.roads import Road
-from truck_bridge.safety.ending import BrakeHold
+from truck_bridge.safety.ending import STANDS_M_S, BrakeHold
 
 FADE_S = 1.0  # in which a command that is lost runs out, as the bridge fades the engine by 100 % a second
-STANDS_M_S = 0.1
 
 
 class Plant:
@@ -32,7 +31,7 @@ class Plant:
         idle = np.zeros((1, len(self.interface.u))), np.zeros((1, len(self.interface.w)))
         simulator.step(self._state, *idle)  # compiles what is compiled, before anybody waits for it
         self._held, self._left = (0.0, 0.0), 1.0  # the last command, and the share of it that still counts
-        limits = known(simulator.interface, simulator.parameters()) or Promise()
+        limits = known(simulator.interface, simulator.parameters()) or Assumptions()
         share = float(limits.share_of(limits.yielding))  # beyond it only the shield brakes
         self._hold = BrakeHold({"brake": share * ActionScale.of(simulator).brake_high or math.inf})
         self.stopping = False  # braking to a standstill without a command

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.constants import ROUNDED_GRAVITY
+
 Array = NDArray[np.float64]
-GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
-class Promise:
+class Assumptions:
     """What is assumed of the leader, the truck and the radar; under it the gap never falls below `d_safety`.
 
     Once the brake is fully commanded at speed v, the truck's speed stays below
@@ -79,7 +80,7 @@ class Promise:
     def slope_pull(self) -> float:
         """What a unit of slope adds to the deceleration by the brakes, m/s^2: less than gravity where they
         keep a deceleration."""
-        return max(GRAVITY - self.descent_share * self.brake_gain, 0.0)
+        return max(ROUNDED_GRAVITY - self.descent_share * self.brake_gain, 0.0)
 
     def least_braking(self, share: Array, heat: Array) -> Array:
         """Least deceleration (m/s^2) on the level by a share of the brake command: the line from
