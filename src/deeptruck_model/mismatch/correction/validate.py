@@ -104,13 +104,23 @@ def _better(errors: Mapping[str, Errors], correction: Correction, name: str, rul
     ]
     if correction.left_out:
         pairs += list(zip(correction.left_out["before"], correction.left_out[name], strict=True))
-    floored = np.hypot(np.array(pairs), rules.drift)  # errors too small for a finding hardly count
-    ratio, count = np.log(floored[:, 1] / floored[:, 0]), len(floored)
-    if ratio.mean() >= 0.0:
+    ratio = _log_ratio(np.array(pairs), rules)
+    return float(ratio.mean()) < 0.0 and (interval(before, after)[0] > 0.0 or _falls(ratio, rules))
+
+
+def _log_ratio(pairs: Array, rules: Rules) -> Array:
+    """Logarithm (drives,) of the ratio of drives' errors (drives, 2), m/s, after to before. What is
+    too small for a finding is added to both in quadrature, so that smaller errors hardly count."""
+    floored = np.hypot(pairs, rules.drift)
+    return np.asarray(np.log(floored[:, 1] / floored[:, 0]))
+
+
+def _falls(ratio: Array, rules: Rules) -> bool:
+    """Whether drives' ratios of errors, as `_log_ratio` gives them, are below `rules.better`, at the
+    one-sided confidence `falls`."""
+    if len(ratio) < Limits.drives_that_agree:
         return False
-    if interval(before, after)[0] > 0.0 or count < Limits.drives_that_agree:
-        return interval(before, after)[0] > 0.0
-    wide = student_t.ppf(Limits.falls, count - 1) * ratio.std(ddof=1) / np.sqrt(count)
+    wide = float(student_t.ppf(Limits.falls, len(ratio) - 1)) * ratio.std(ddof=1) / np.sqrt(len(ratio))
     return bool(ratio.mean() + wide < np.log(rules.better))
 
 
