@@ -63,7 +63,7 @@ def findings(
     if error > tolerance and all(f.kind is Kind.SENSOR for f in out):
         out += _of_rest(c, rules)
     shown = _with_shares(e, out, c.budget)
-    return tuple(sorted(shown, key=lambda f: -f.share_of_explainable_error))
+    return tuple(sorted(shown, key=lambda f: (f.stated == ROOT, -f.share_of_explainable_error)))
 
 
 def _of_named(
