@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student_t
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.correction.fit_result import Errors, FitResult, WithoutExogenous, strength
 from deeptruck_model.mismatch.correction.free_runs import (

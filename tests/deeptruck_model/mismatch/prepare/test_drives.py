@@ -238,7 +238,7 @@ def test_cruises_at_one_speed_are_distinguished_by_their_commands(pieces: list[R
 
 def test_drives_cannot_be_their_own_judges(pieces: list[Recording]) -> None:
     fit, held, said = each_once(pieces[:2], pieces[:2])
-    assert names(fit) == ["d0", "d1"] and held == [] and "give other pieces" in said[0]
+    assert names(fit) == ["d0", "d1"] and held == [] and "give other drives" in said[0]
 
 
 def test_a_command_that_was_never_valid_is_lacking(pieces: list[Recording]) -> None:
