@@ -75,3 +75,13 @@ def test_a_policy_presses_by_the_jerk_and_releases_below_the_bite_at_once() -> N
     sent = [float(brakes.slewed(column(share), free)[0]) for share in (1.0, 1.0, 0.0, 0.0, 0.04, 0.0)]
     assert sent == pytest.approx([0.05 + step, 0.05 + 2 * step, 0.05 + step, 0.0, 0.04, 0.0])
     assert np.isnan(brakes.slewed(column(np.nan), free)).all()
+
+
+def test_a_speed_that_repeats_itself_says_nothing_and_one_slow_rise_is_no_failure() -> None:
+    brakes, speed = Brakes(ASSUMED), 25.0
+    for k in range(60):
+        brakes.see(column(speed), column(0.0), column(0.0))
+        brakes.sent(column(0.8))
+        speed -= 0.0 if k < 30 else ASSUMED.dt * min(0.5 * (k - 30), 5.0)  # frozen, then a second of rise
+        assert k >= 30 or brakes.gain[0] == 1.0
+    assert brakes.gain[0] < 1.0 and not brakes.failed[0]

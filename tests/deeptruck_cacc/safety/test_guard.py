@@ -11,6 +11,7 @@ from deeptruck_cacc.controllers.baselines import LAWS, baseline
 from deeptruck_cacc.controllers.policy import MlpPolicy
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
 from deeptruck_cacc.safety.assumptions import Assumptions
+from deeptruck_cacc.safety.brakes import Brakes
 from deeptruck_cacc.safety.guard import Guard, guard, load_controller
 from deeptruck_core.signals import SPEED
 from deeptruck_model import trucks
@@ -138,3 +139,27 @@ def test_outside_its_coverage_the_fallback_drives() -> None:
     for _ in range(30):
         driver.act(seen)
     assert not driver.fallback_drives[0]
+
+
+@pytest.mark.parametrize(("truck", "known"), [("trucksim", True), ("freightliner", False)])
+def test_a_truck_without_a_grade_sensor_has_no_slope(
+    truck: str, known: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The zero that stands in for it would let a descent pass for brakes that fail."""
+    driver, seen, plain = load_controller("baseline:acc", trucks.load(truck).interface), [], Brakes.see
+
+    def see(self: Brakes, speed: np.ndarray, grade: np.ndarray, heat: np.ndarray) -> None:
+        seen.append(bool(np.isfinite(grade[0])))
+        plain(self, speed, grade, heat)
+
+    monkeypatch.setattr(Brakes, "see", see)
+    commands(driver)
+    assert seen == [known]
+
+
+def test_a_bridge_that_lets_brakes_rise_slowly_is_a_longer_response() -> None:
+    policy = baseline("acc", TRUCK)
+    plain, slow = guard(policy), guard(policy, brake_limit=90.0, brake_rate=300.0)
+    assert plain.shield is not None and slow.shield is not None
+    assert slow.shield.assumed.response_s == pytest.approx(plain.shield.assumed.response_s + 0.15)
+    assert slow.shield.assumed.limit_share == 0.9
