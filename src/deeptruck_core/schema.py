@@ -84,6 +84,12 @@ def _misfits(errors: Iterable[Any]) -> Iterator[tuple[int, str, str]]:
             known = [*error.schema["properties"]]
             key = next(str(key) for key in error.instance if key not in known)
             text = f"unknown key '{key}'; {near(key, known)}"
+        elif error.validator == "required":
+            key = next(key for key in error.validator_value if key not in error.instance)
+            text = f"'{key}' is missing"
+            cure = cure or error.schema.get("properties", {}).get(key, {}).get("errorMessage")
+        elif error.validator == "type" and error.instance is None:
+            text = "is empty"
         elif error.validator in ("anyOf", "not"):
             text = f"{plain(repr(error.instance), 80)} does not fit"
         place = ".".join(map(str, error.absolute_path))

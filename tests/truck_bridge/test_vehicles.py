@@ -148,7 +148,7 @@ def test_brakes_may_only_limit(vehicle):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda d: d.pop("demands"), "'demands' is a required property"),
+        (lambda d: d.pop("demands"), "'demands' is missing"),
         (put("demands", "moon", {"engine": LIMIT}), "no address for 'moon'"),
         (put("demands", "brake", "brake", LIMIT), "demands.brake.brake: only what TSC1 commands"),
         (put("demands", "brake", "rocket", LIMIT), "can be allowed: engine, retarder"),
@@ -157,7 +157,7 @@ def test_brakes_may_only_limit(vehicle):
         (put("demands", "brake", "engine", "period", [0.05, 0.01]), "demands.brake.engine.period needs two"),
         (put("colour", "red"), "unknown key 'colour'"),
         (put("transmit", "engine", "perod", 0.02), "did you mean period?"),
-        (lambda d: d.pop("bridge"), "'bridge' is a required property"),
+        (lambda d: d.pop("bridge"), "'bridge' is missing"),
         (put("bridge", "address", 300), "300 is greater than the maximum of 253"),
         (put("bridge", "address", True), "bridge.address: True is not of type 'integer'"),
         (put("interface", "engine_unit", "lb ft"), "'lb ft' is not one of ['N m', 'percent']"),
@@ -198,7 +198,7 @@ def test_brakes_may_only_limit(vehicle):
         (put("timing", {"releases": 2.5}), "2.5 is not of type 'integer'"),
         (put("dbc", ["gone.dbc"]), "cannot read"),
         (put("faults", {"lamps": ["red_lamp"]}), "'red_lamp' is not one of ['protect_lamp', "),
-        (put("faults", {"codes": [{"fmi": 3}]}), "'spn' is a required property"),
+        (put("faults", {"codes": [{"fmi": 3}]}), "'spn' is missing"),
         (put("faults", {"codes": [{"spn": 0}]}), "0 is less than the minimum of 1"),
         (put("faults", {"codes": [{"spn": 110.5}]}), "codes.0.spn: 110.5 is not of type"),
         (put("faults", {"codes": [{"spn": 110, "fmi": 32}]}), "32 is greater than the maximum of 31"),

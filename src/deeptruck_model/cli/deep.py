@@ -183,7 +183,7 @@ def export(
     simulator: Annotated[
         str,
         typer.Argument(
-            metavar="SIM", help="Directory of a deep truck; for --fmu also truck:NAME or corrected."
+            metavar="SIM", help="Directory of a deep truck; for --fmu also truck:NAME, or either corrected."
         ),
     ],
     out: Annotated[Path | None, typer.Option(help="ONNX file to write.", metavar="FILE")] = None,

@@ -299,9 +299,14 @@ def _inside(s: Simulator) -> str:
         if not np.isfinite(x).all():
             raise MissingError(f"inside has {name} that is not finite", "give numbers, or leave it out")
         c = CHANNELS.get(name)
-        if c is not None and not np.all((np.asarray(x) >= c.low) & (np.asarray(x) <= c.high)):
+        if c is None:
+            continue
+        if (out := ~((np.asarray(x) >= c.low) & (np.asarray(x) <= c.high))).any():
+            row = int(np.argmax(out))
             raise MissingError(
-                f"inside has {name} beyond {c.low:g} to {c.high:g} {c.unit}", f"give it in {c.unit}"
+                f"inside has {name} {float(x[row]):g} {c.unit} at {SPEEDS[row]:g} m/s, beyond {c.low:g} to "
+                f"{c.high:g}",
+                f"give it in {c.unit}; let reset and force choose a gear that suits the speed",
             )
     return ", ".join(seen)
 

@@ -145,9 +145,9 @@ def test_what_lacks_is_said(here: Path, script: Script) -> None:
         ("- speed\n", "topics.yaml must hold 'key: value' pairs"),
         (
             "speed: {topic: /v}\n",
-            "topic map: speed: 'field' is a required property; it needs topic and field",
+            "topic map: speed: 'field' is missing; it needs topic and field",
         ),
-        ("grade: {topic: /g, field: data}\n", "topics.yaml: topic map: 'speed' is a required property"),
+        ("grade: {topic: /g, field: data}\n", "topics.yaml: topic map: 'speed' is missing"),
     ],
 )
 def test_a_map_that_is_none_is_one_line(

@@ -183,8 +183,7 @@ def test_another_truck_gets_the_slope_of_its_recordings(fleet, tmp_path: Path, c
     bad.write_text("cell,slope\n1:2,0.1\n")
     with pytest.raises(InputError) as refused:
         road_command(bad, [tmp_path / "none"], tmp_path / "out2", other=tmp_path / "result")
-    for misfit in ("no table of shared roads", "--other was removed", str(tmp_path / "none")):
-        assert misfit in str(refused.value)
+    assert "--other was removed" in str(refused.value)
 
 
 @pytest.mark.parametrize(

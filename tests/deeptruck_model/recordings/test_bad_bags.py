@@ -47,7 +47,7 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("topic_map", "match"),
     [
-        ({"gap": {"topic": "/g", "field": "data"}}, "'speed' is a required property; a recording needs"),
+        ({"gap": {"topic": "/g", "field": "data"}}, "'speed' is missing; a recording needs"),
         ({"velocity": {"topic": "/g", "field": "data"}}, "topic map: unknown key 'velocity'"),
         ({"speed": {"topic": "/g"}}, "needs topic and field"),
         ({"speed": "/g"}, "needs topic and field"),

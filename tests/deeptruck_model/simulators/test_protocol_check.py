@@ -150,7 +150,7 @@ def test_what_ends_every_drive_is_said_once() -> None:
         (
             {"inside": lambda self, state: {"engine_speed": np.full(3, 1500.0)}},
             "inside",
-            "engine_speed beyond 0 to 700 rad/s",
+            "engine_speed 1500 rad/s at 0 m/s, beyond 0 to 700",
         ),
         ({"parameters": lambda self: {"mass": np.nan}}, "parameters", "mass is no finite number"),
         (

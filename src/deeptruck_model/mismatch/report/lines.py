@@ -94,9 +94,9 @@ def _good_enough(v: Verdict) -> bool:
 
 
 def share_of(p: Part) -> str:
-    """The share of a part of the budget; its interval where that is too wide for one number."""
+    """The share of a part of the budget, with its interval where that is too wide for one number."""
     if p.high - p.low > WIDE:
-        return f"{100.0 * p.low:.0f} to {100.0 * p.high:.0f} %"
+        return f"{percent(p.share)} ({100.0 * p.low:.0f} to {100.0 * p.high:.0f})"
     return percent(p.share)
 
 
@@ -222,7 +222,9 @@ def _next_step(v: Verdict) -> str:
     if v.data.doubts:
         return SETTLE
     if v.validated and v.fit is not None:
-        return "apply the refitted parameters" if v.fit.offered == REFIT else "apply the correction"
+        step = "apply the refitted parameters" if v.fit.offered == REFIT else "apply the correction"
+        asked = v.advice.get("apply")
+        return f"see what to check, then {step}" if asked and asked.answer is Answer.UNSURE else step
     if any(f.kind is Kind.SENSOR for f in v.findings):
         return "repair the sensor" if v.findings[0].stated != ROOT else "see what to do"
     if v.findings[0].effect == UNKNOWN:
@@ -308,12 +310,17 @@ def contains(v: Verdict, *, refit: bool = False) -> Iterator[str]:
             )
         return
     stated = {f.effect for f in v.findings if f.kind is Kind.PARAMETER}
-    parts = [
-        _changed(name, r.change, r.change_ci95)
-        for name, r in v.fit.refit.items()
-        if abs(r.change) >= WORTH_SAYING
-        and (offered == REFIT or (name not in stated and r.change_ci95[0] * r.change_ci95[1] > 0.0))
-    ]
+    changes = {name: (r.change, r.change_ci95) for name, r in v.fit.refit.items()}
+    if offered != REFIT:
+        if v.kind is Conclusion.NOTHING:  # of the correction's fewer parameters one may be certain
+            changes |= {
+                n: (x, v.fit.corrected_intervals.get(n, (0.0, 0.0)))
+                for n, x in v.fit.corrected_parameters.items()
+            }
+        changes = {
+            n: (x, ends) for n, (x, ends) in changes.items() if n not in stated and ends[0] * ends[1] > 0.0
+        }
+    parts = [_changed(n, x, ends) for n, (x, ends) in changes.items() if abs(x) >= WORTH_SAYING]
     if parts:
         differ = "Fitted to these drives, parameters differ from the given ones"
         yield f"{'Refitted parameters' if offered == REFIT else differ}: {'; '.join(parts)}."
@@ -403,8 +410,10 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         yield Said(opened(v.advice["data"].reason), ".")
     for f in v.findings:
         if f.kind is Kind.SENSOR:
-            sure = "Repair it at its sensor or clock" if f.stated != ROOT else "Check this"
-            yield f"{sure} before you record more: {f.says}."
+            if f.stated != ROOT:
+                yield f"Repair it at its sensor or clock before you record more: {f.says}."
+            else:
+                yield f"Check before you record more whether {f.says} ({percent(f.probability)})."
         elif f.kind is Kind.PARAMETER and not v.validated:
             yield _check(v, f)
         elif f.may_differ and not v.validated:

@@ -14,6 +14,7 @@ from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.signals import SPEED
 from deeptruck_core.vehicle_kinds import CLUTCH_CLOSED, GEARS_APART
 from deeptruck_model.mismatch.prepare.drives import NotRecorded, PreparedDrives, Rejection
+from deeptruck_model.mismatch.prepare.prepared import BRAKING as SLOWS_BY_BRAKES
 from deeptruck_model.mismatch.prepare.prepared import Prepared, fed, padded
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
@@ -146,7 +147,8 @@ RECORD_MORE = "that can be compared: record at least several minutes above walki
 def left_to_compare(drives: PreparedDrives, e: Evidence) -> tuple[PreparedDrives, Evidence]:
     """The evidence without rows in which an unrecorded brake acts, and the drives: samples in which the
     simulator drives in another gear count as rejected, and if too little is left, they are unusable."""
-    e, missing = braking(e, drives.missing)
+    seen_s = sum(p.left_out.get(SLOWS_BY_BRAKES, 0) for p in drives.prepared) * drives.prepared[0].dt
+    e, missing = braking(e, drives.missing, seen_s)
     drives = replace(drives, missing=missing)
     if e.other_gear:
         drives = replace(drives, rejected=(*drives.rejected, Rejection(OTHER_GEAR, e.other_gear)))
@@ -162,9 +164,12 @@ def left_to_compare(drives: PreparedDrives, e: Evidence) -> tuple[PreparedDrives
     return drives, e
 
 
-def braking(e: Evidence, missing: Sequence[NotRecorded] = ()) -> tuple[Evidence, tuple[NotRecorded, ...]]:
+def braking(
+    e: Evidence, missing: Sequence[NotRecorded] = (), seen_s: float = 0.0
+) -> tuple[Evidence, tuple[NotRecorded, ...]]:
     """The evidence without the rows in which an unrecorded brake acts, and the missing inputs with the share
-    of time in which it does and the gain in nats of two hidden states over one.
+    of time in which it does, `seen_s` of braking that was left out before among it, and the gain in nats of
+    two hidden states over one.
 
     It is sought where no engine torque is demanded, unless the brake was recorded or the engine's command was
     not; no row is left out if the gain is too small.
@@ -172,7 +177,7 @@ def braking(e: Evidence, missing: Sequence[NotRecorded] = ()) -> tuple[Evidence,
     if "engine_command" not in e.signals or "brake_command" in e.signals:
         return e, tuple(missing)
     on, gain = _braking(e)
-    share = float(on.sum() / max((e.valid | on).sum(), 1))
+    share = (float(on.sum()) * e.dt + seen_s) / max(float((e.valid | on).sum()) * e.dt + seen_s, e.dt)
     found = (replace(m, share_of_time=share, gain=gain) if m.input == "brake" else m for m in missing)
     return e.without(on), tuple(found)
 

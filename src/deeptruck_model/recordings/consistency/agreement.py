@@ -55,11 +55,15 @@ SLOPES = {  # what gravity has to a slope that is read so
     -1.0: "uphill is positive: give it 'scale: -1'",
     0.573: "percent read as degrees, or a speed in mph read as km/h? Give both their units",
     1.745: "degrees read as percent, or a speed in km/h read as mph? Give both their units",
+    100.0: "a ratio read as percent? Give it its unit",
+    1 / 3.6: "a speed in m/s read as km/h? Give it its unit",
+    3.6: "a speed in km/h read as m/s? Give it its unit",
 }
 OTHER_SLOPE = "is it of this road, on this clock and in its unit?"
 NEAR_SLOPE = 0.15  # relative: wheels and engine turn with the truck
 WEIGHTED = 0.25  # by which gravity may seem to differ, as engine and tyres are not known; and standard errors
-LEAST_DRIVEN, DRIVEN_SD, BLOCKS = 60, 4.0, 10  # windows without brakes; parts that are left out in turn
+DRIVEN_SD, BLOCKS = 4.0, 10  # parts that are left out in turn
+LEAST_DRIVEN = 10 * BLOCKS  # windows without brakes: a part holds more than the regression has terms
 
 LEAST_VARIED = 20  # windows by which one is seen not to follow the other
 VARIED_M_S = 1.0  # standard deviation of speeds that can be correlated
@@ -298,7 +302,8 @@ def _grade_by_motion(recordings: Sequence[Recording]) -> Iterator[Doubt]:
     factor, sd = float(-_solved(X, rise, w)[0] / scale), float(np.sqrt(BLOCKS - 1.0) * np.std(each))
     if abs(factor - 1.0) > WEIGHTED + DRIVEN_SD * sd:
         why = min(SLOPES, key=lambda known: abs(factor / known - 1.0))
-        says = SLOPES[why] if abs(factor / why - 1.0) < NEAR_SLOPE + DRIVEN_SD * sd else OTHER_SLOPE
+        near = abs(factor / why - 1.0) < NEAR_SLOPE + DRIVEN_SD * sd / abs(why)
+        says = SLOPES[why] if near else OTHER_SLOPE
         yield Doubt(
             "grade",
             f"the truck feels {factor:.2f} (+- {2.0 * sd:.2f}) times the recorded grade in its speed: {says}",

@@ -189,15 +189,12 @@ def _commands(recordings: Sequence[Recording]) -> Iterator[Doubt]:
             yield Doubt(name, f"{name} reaches {values.max():.2g} percent: is it a ratio? Give it its unit")
     if not len(engine) or engine.max() <= 0.0 or brake.max() <= 0.0:
         return
-    if (
-        has[0].interface.brake_unit == "bar"
-        and AIR_BRAKE_BAR < brake.max() <= 105.0
-        and not has[0].interface.vehicle
-    ):
+    if has[0].interface.brake_unit == "bar" and brake.max() > AIR_BRAKE_BAR and not has[0].interface.vehicle:
         yield Doubt(
             "brake_command",
             f"brake_command reaches {brake.max():.0f} bar, and air brakes of trucks have at most 13: is it "
-            "in percent? Give it its unit, or say what drove ('vehicle: car')",
+            f"in {'percent' if brake.max() <= 105.0 else 'kPa'}? Give it its unit, or say what drove "
+            "('vehicle: car')",
         )
     gas, braked = engine > PRESSED * engine.max(), brake > PRESSED * brake.max()
     both = (engine > 0.5 * engine.max()) & (brake > 0.5 * brake.max())

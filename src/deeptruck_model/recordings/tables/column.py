@@ -77,7 +77,7 @@ class Column:
         """Text without surrounding blanks, null if empty."""
         try:
             cells = pc.utf8_trim_whitespace(pc.cast(self.raw, pa.string()))
-        except pa.ArrowException:
+        except (pa.ArrowInvalid, pa.ArrowNotImplementedError, pa.ArrowTypeError):
             raise InputError(
                 f"column '{self.name}' of type {self.raw.type} holds no text or numbers"
             ) from None

@@ -173,7 +173,7 @@ def test_a_sensor_that_is_only_most_probable_is_not_said_to_be_wrong() -> None:
     v = Verdict(Conclusion.SENSOR, (bias,))
     assert lines.headline(v) == "Grade bias is most probable (45 %): see what to do"
     assert lines.cause(bias) == "Sensors, 50 %: grade bias 45 %; or, of another part, rolling resistance."
-    assert next(iter(lines.what_to_do(v))).startswith("Check this before you record more")
+    assert next(iter(lines.what_to_do(v))).startswith("Check before you record more whether")
     stated = replace(v, findings=(replace(bias, stated="grade_bias"),))
     assert lines.headline(stated) == "The recorded grade is offset: repair the sensor"
 
@@ -189,7 +189,7 @@ def test_what_is_stated_beside_a_good_simulator_is_said_with_it_and_a_larger_par
     )
     smaller = replace(off, budget=Budget(40.0, 9, 0.5, (replace(load, share=0.2, low=0.2), rest)))
     wide = replace(off, budget=Budget(40.0, 9, 0.5, (replace(load, low=0.01, high=0.96), rest)))
-    assert "load" not in lines.headline(wide) and "load 1 to 96 %" in " ".join(lines.what(wide))
+    assert "load" not in lines.headline(wide) and "load 59 % (1 to 96)" in " ".join(lines.what(wide))
     assert "load" not in lines.headline(smaller)
     family = replace(f, stated=f.family, probability=0.88)
     assert lines.headline(replace(smaller, findings=(family,))).startswith(

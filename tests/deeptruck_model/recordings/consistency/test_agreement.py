@@ -113,4 +113,4 @@ class LateBrake:
 
 def test_brakes_that_let_go_late_make_no_slope_doubtful() -> None:
     truck = trucks.load("trucksim").with_forces([], [LateBrake()])
-    assert not [*agreement.grade_doubts([driving_cycles.drive(truck, seconds=300.0, seed=0)])]
+    assert not [*agreement.grade_doubts([driving_cycles.drive(truck, seconds=600.0, seed=0)])]

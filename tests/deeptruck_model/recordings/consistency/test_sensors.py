@@ -82,6 +82,7 @@ def hilly(read: Callable[[NDArray[np.float64]], NDArray[np.float64]] = lambda gr
         (lambda grade: -grade, "uphill is positive: give it 'scale: -1'"),
         (lambda grade: np.tan(np.radians(100.0 * grade)), "percent read as degrees"),
         (lambda grade: np.degrees(np.arctan(grade)) / 100.0, "degrees read as percent"),
+        (lambda grade: 0.01 * grade, "a ratio read as percent?"),
         (lambda grade: 0.1 * grade, "on this clock and in its unit?"),
     ],
 )
