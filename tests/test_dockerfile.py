@@ -28,7 +28,7 @@ def test_what_it_copies_is_there_and_all_that_a_build_reads() -> None:
     assert all((ROOT / source).exists() for source in copied)
     assert all(target in ("./", source) for source, target in copied.items())  # pyproject names the folders
     needed = {"pyproject.toml", "constraints.txt", PROJECT["readme"], PROJECT["license-files"][0]}
-    assert needed | {"src", "ros2_ws/src"} == set(copied)
+    assert needed | {"src", "exam", "ros2_ws/src"} == set(copied)
 
 
 def test_what_it_installs_has_these_extras_and_no_second_ros() -> None:

@@ -55,5 +55,5 @@ def test_the_command_exports_deep_trucks_only(truck, tmp_path):
     done = runner.invoke(app, ["export", str(tmp_path / "sim"), "--out", out])
     assert done.exit_code == 0, done.output
     assert onnxruntime.InferenceSession(out).get_inputs()[0].name == "h"
-    refused = runner.invoke(app, ["export", "truck:volvo", "--out", out])
+    refused = runner.invoke(app, ["export", "truck:volvo", "--out", str(tmp_path / "other.onnx")])
     assert isinstance(refused.exception, InputError) and "no deep truck" in str(refused.exception)
