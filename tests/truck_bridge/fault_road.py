@@ -59,7 +59,7 @@ SLOWER_M_S, SLOWER_M_S2 = 2.0, 1.0  # what is slower by so much ahead asks for s
 CAUSE_S = 4.0  # for which a leader that slowed down explains braking
 KNOWN_S = 0.5  # before control is handed back, from which on what happens ahead is not yet the driver's
 TAKES_OVER_S = 10.0  # UN R157, 5.4: in which a driver who is asked takes over
-WORSE = 1.0  # m/s, faster than by full braking, from which a hit is broken: 0.1 s from a reading to its frame
+WORSE = 0.5  # m/s, faster than by full braking, from which a hit is broken
 EARLY = ("second", "ours", "nobody")  # half of them before engaging
 UNHEARD = ("link lost", "another node uses our address")  # from then on nobody obeys our frames
 
