@@ -156,22 +156,19 @@ def on_a_road(name: str, policy: Path, seed: int) -> list[str]:
 
 
 def beside_baselines(result: dict[str, Any]) -> list[str]:
-    """Every scene of the chosen seed, and of the classical controllers if they were driven."""
+    """The scenes that the classical controllers drove too, with the chosen seed; nothing where none did."""
     others = result["baselines"]
-    rows, alone = [], []
+    rows = []
     for name, row in result["sets"].items():
-        cells = [_row(sets[name]) for sets in others.values() if name in sets]
-        scene = name.replace("_", " ")
-        if cells:
-            rows.append(f"{scene} | {_row(row)} | {' | '.join(cells)}")
-        else:
-            alone.append(f"{scene} {_row(row)}")
+        if cells := [_row(sets[name]) for sets in others.values() if name in sets]:
+            rows.append(f"{name.replace('_', ' ')} | {_row(row)} | {' | '.join(cells)}")
+    if not rows:
+        return []
     says = (
         "Bare controllers, no shield: worst time-gap error after 10 s where power suffices (s), rms jerk "
         "(m/s³), and how many of 100 crash. Baselines drive over a pedal map measured on this truck."
     )
-    table = harness.table(f"scene | chosen seed | {' | '.join(others)}", rows)
-    return [says, "", *table, "", f"The policy alone: {'; '.join(alone)}."]
+    return [says, "", *harness.table(f"scene | chosen seed | {' | '.join(others)}", rows)]
 
 
 def _row(row: dict[str, Any]) -> str:
