@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_core.account import Account
 from deeptruck_core.errors import InputError
 from deeptruck_core.formats import BAG as BAG_OF_FRAMES
 from deeptruck_core.formats import Kind, check_measurement, format_of, suffix_of
@@ -30,7 +29,7 @@ from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
 from deeptruck_model.recordings.resample import count_derived, uniform
 from deeptruck_model.recordings.tables.columns import Columns, load_columns
 from deeptruck_model.recordings.tables.samples import read_samples
-from deeptruck_model.recordings.topic_map import is_topic_map, load_yaml, stated
+from deeptruck_model.recordings.topic_map import is_topic_map, load_yaml
 from deeptruck_model.results import BAG, apart
 
 Array = NDArray[np.float64]
@@ -84,15 +83,16 @@ def import_table(
     if not isinstance(columns, Mapping | str | Path):
         raise InputError(f"columns must be a mapping or a YAML file, not {calls.shown(columns)}")
     check_slope_source(slope_from)
-    kind = check(table, columns, out, overwrite=overwrite, clock=clock)
+    kind, meaning = check(table, columns, out, overwrite=overwrite, clock=clock), _mapping(columns)
+    slope_from = slope_from or check_slope_source(meaning.get(SLOPE_FROM))
     if kind is Kind.BAG:
         recordings = read(table, topic_map=columns, clock=clock, msg=msg)
-        recordings = _with_slope(recordings, slope_from or stated(columns, SLOPE_FROM))
     elif kind is Kind.FRAMES:
-        recordings = _of_can_log(table, _mapping(columns), slope_from)
+        recordings = _of_can_log(table, {key: value for key, value in meaning.items() if key != SLOPE_FROM})
     else:
-        recordings = _of_table(table, load_columns(columns), slope_from)
-    recordings = _of_what_is_there(recordings)
+        recordings = _of_table(table, load_columns(columns))
+    recordings = _with_slope(recordings, slope_from, meaning.get("grade_window_m"))
+    recordings = _of_what_is_there(recordings if kind is Kind.BAG else _noted(recordings))
     write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
     return Imported(out, recordings)
 
@@ -153,7 +153,7 @@ def _mapping(columns: Meaning) -> dict[str, Any]:
     return load_yaml(Path(columns)) if isinstance(columns, str | Path) else dict(columns)
 
 
-def _of_table(path: Path, meaning: Columns, slope_from: str | None) -> list[Recording]:
+def _of_table(path: Path, meaning: Columns) -> list[Recording]:
     samples = read_samples(path, meaning)
     account, name = samples.account, meaning.name or path.stem
     recordings = uniform(
@@ -165,19 +165,18 @@ def _of_table(path: Path, meaning: Columns, slope_from: str | None) -> list[Reco
         notes=[f"{TABLE_NOTE}{path.name}", *meaning.notes, *samples.notes],
         account=account,
     )
-    if any(column.gates for column in meaning.channels.values()):
-        recordings = [gated_brake.substituted(recording) for recording in recordings]
-    recordings = _with_slope(recordings, slope_from or meaning.slope_from, meaning.grade_window_m)
     inside = np.zeros(len(samples.time), dtype=bool)
     for start, end in account.spans:
         inside |= (samples.time >= start - recordings[0].dt) & (samples.time <= end + recordings[0].dt)
     samples.set_aside(~inside, "outside the pieces, where speed is missing or has a single sample")
-    return _noted(recordings, account)
+    gated = any(column.gates for column in meaning.channels.values())
+    return [gated_brake.substituted(r) for r in recordings] if gated else recordings
 
 
-def _noted(recordings: list[Recording], account: Account) -> list[Recording]:
+def _noted(recordings: list[Recording]) -> list[Recording]:
     """Recordings with notes on what was omitted, which the bag then contains too."""
-    said = [line.strip() for line in islice(account.lines(), 1, None)]
+    account = recordings[0].account
+    said = [line.strip() for line in islice(account.lines(), 1, None)] if account is not None else []
     return [replace(r, notes=tuple(dict.fromkeys((*r.notes, *said)))) for r in recordings]
 
 
@@ -207,8 +206,7 @@ def _with_slope(
     return sloped
 
 
-def _of_can_log(log: Path, meaning: dict[str, Any], slope_from: str | None) -> list[Recording]:
-    source = check_slope_source(meaning.pop(SLOPE_FROM, None)) or slope_from
+def _of_can_log(log: Path, meaning: dict[str, Any]) -> list[Recording]:
     gated = gated_brake.is_asked(meaning.get("channels"), implied=(gated_brake.SWITCH,))
     if gated:
         others = {c: entry for c, entry in meaning["channels"].items() if c != gated_brake.COMMAND}
@@ -234,8 +232,6 @@ def _of_can_log(log: Path, meaning: dict[str, Any], slope_from: str | None) -> l
     series = {c: Series(np.asarray(t, float) - first, np.asarray(v, float)) for c, (t, v) in channels.items()}
     name = str(meaning.get("name", log.stem))
     recordings = uniform(series, name=name, interface=interface, notes=notes, account=account)
-    recordings = _with_slope(recordings, source)
-    recordings = recordings if account is None else _noted(recordings, account)
     return [gated_brake.substituted(r) for r in recordings] if gated else recordings
 
 

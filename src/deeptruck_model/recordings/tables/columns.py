@@ -14,7 +14,6 @@ from typing import Any
 from deeptruck_core import reading
 from deeptruck_core.errors import InputError
 from deeptruck_core.schema import check
-from deeptruck_core.signals import SLOPE_FROM
 from deeptruck_core.vehicle_kinds import check_vehicle
 from deeptruck_model.recordings import gated_brake, schemas
 from deeptruck_model.recordings.schemas import DATE_UNITS, EXTRA, SPLITS
@@ -43,14 +42,12 @@ class Columns:
     form: Format
     split_at: dict[str, float] = field(default_factory=dict)
     name: str | None = None
-    grade_window_m: float | None = None
     notes: tuple[str, ...] = ()
     vehicle: str | None = None
     mass_kg: float | None = None
     driven_by: str | None = None
     only: Mapping[str, str] = field(default_factory=dict)
     pivot: tuple[str, str] | None = None
-    slope_from: str | None = None
 
 
 def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
@@ -76,14 +73,12 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
         ),
         split_at=_splits(columns.get("split_at", {}), found),
         name=str(columns["name"]) if "name" in columns else None,
-        grade_window_m=columns.get("grade_window_m"),
         notes=_assumed(columns["channels"]),
         vehicle=columns.get("vehicle"),
         mass_kg=columns.get("mass_kg"),
         driven_by=columns.get("driven_by"),
         only={str(column): str(text) for column, text in columns.get("only", {}).items()},
         pivot=None if pivot is None else (str(pivot["name"]), str(pivot["value"])),
-        slope_from=columns.get(SLOPE_FROM),
     )
 
 
