@@ -131,8 +131,8 @@ FLOOR = tuple(
     f"deeptruck_model.{name}"
     for name in (
         "checks", "results",
-        "recordings.tables.curve_file", "recordings.tables.table_file", "recordings.tables.csv_text",
-        "recordings.tables.row_keys", "recordings.tables.mat_file", "recordings.tables.column",
+        "recordings.tables.table", "recordings.tables.table_file", "recordings.tables.csv_text",
+        "recordings.tables.mat_file", "recordings.tables.column",
         "recordings.tables.header_words",
         "recordings.channel_words", "recordings.units", "recordings.ranges",
         "recordings.consistency.impossible", "recordings.interpolate",

@@ -42,7 +42,7 @@ deeptruck_model.recordings: interpolate | deeptruck_model/recordings/test_resamp
 deeptruck_model.recordings.consistency: proposals | deeptruck_model/recordings/tables/test_table_suggestion.py
 deeptruck_model.recordings.consistency: windows | deeptruck_model/recordings/consistency/test_sensors.py
 deeptruck_model.recordings.tables: samples | deeptruck_model/recordings/test_importing.py
-deeptruck_model.recordings.tables: column row_keys | deeptruck_model/recordings/tables/test_table_file.py
+deeptruck_model.recordings.tables: column table | deeptruck_model/recordings/tables/test_table_file.py
 deeptruck_model.recordings.tables: mat_file | deeptruck_model/recordings/tables/test_meaning_by_data.py
 deeptruck_model.recordings.tables: column_meanings | deeptruck_model/recordings/tables/test_meaning_by_data.py
 deeptruck_model.recordings.tables: row_clock | deeptruck_model/recordings/tables/test_table_suggestion.py

@@ -32,7 +32,7 @@ def within(what: str, value: float, low: float, high: float) -> None:
 
 
 def _of_file(text: str) -> Callable[[float], float]:
-    from deeptruck_model.recordings.tables.curve_file import read_curve
+    from deeptruck_model.recordings.tables.table_file import read_curve
 
     check_file(Path(text), "give a number or a table as --grade")
     distances, slopes = (column.tolist() for column in read_curve(Path(text), "distance", "grade"))

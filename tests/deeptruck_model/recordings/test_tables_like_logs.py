@@ -14,8 +14,7 @@ from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
 
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table, suggest_columns
-from deeptruck_model.recordings.tables.curve_file import read_curve
-from deeptruck_model.recordings.tables.table_file import read_table
+from deeptruck_model.recordings.tables.table_file import read_curve, read_table
 
 
 def speeds(recordings: Any) -> Any:

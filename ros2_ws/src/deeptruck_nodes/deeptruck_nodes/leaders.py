@@ -152,7 +152,7 @@ class Recorded:
     def _samples(self) -> tuple[Array, Array]:
         path = Path(self.path)
         if not path.is_dir() and path.suffix not in (".mcap", ".db3", ".bag"):
-            from deeptruck_model.recordings.tables.curve_file import read_curve
+            from deeptruck_model.recordings.tables.table_file import read_curve
 
             times, speeds = read_curve(path, "time", self.column)
             return times - times[0], speeds

@@ -62,7 +62,7 @@ class Table:
 
     @functools.cached_property
     def _profile(self) -> tuple[Array, Array, Array]:
-        from deeptruck_model.recordings.tables.curve_file import read_curve
+        from deeptruck_model.recordings.tables.table_file import read_curve
 
         return _with_elevation(*read_curve(Path(self.path), "distance", "grade"))
 

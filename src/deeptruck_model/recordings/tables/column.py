@@ -5,7 +5,7 @@ what its header says.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -49,6 +49,7 @@ class Parsed:
     unit: str = ""
 
 
+@dataclass(eq=False)
 class Column:
     """One column, parsed at its first use: decimal mark, thousands, units in cells, states and gears.
 
@@ -57,10 +58,11 @@ class Column:
     file states it elsewhere than in the header and the cells.
     """
 
-    def __init__(
-        self, name: str, raw: pa.ChunkedArray, mark: str = ".", *, pointed: bool = False, below: str = ""
-    ) -> None:
-        self.name, self.raw, self.mark, self.pointed, self.below = name, raw, mark, pointed, below
+    name: str
+    raw: pa.ChunkedArray
+    mark: str = "."
+    pointed: bool = False
+    below: str = ""
 
     @property
     def is_text(self) -> bool:
@@ -82,6 +84,11 @@ class Column:
                 f"column '{self.name}' of type {self.raw.type} holds no text or numbers"
             ) from None
         return pc.if_else(pc.equal(cells, ""), pa.scalar(None, pa.string()), cells)
+
+    @property
+    def has_cell(self) -> Mask:
+        """Which rows (n,) have a cell that is filled."""
+        return np.asarray(pc.is_valid(self.cells if self.is_text else self.raw).to_numpy())
 
     @property
     def values(self) -> Array:
@@ -187,8 +194,7 @@ class Column:
 
     def take(self, rows: NDArray[np.int64]) -> Column:
         """The column with these of its rows; what was parsed stays."""
-        raw = self.raw.take(pa.array(rows))
-        other = Column(self.name, raw, self.mark, pointed=self.pointed, below=self.below)
+        other = replace(self, raw=self.raw.take(pa.array(rows)))
         if parsed := self.__dict__.get("_parsed"):
             other.__dict__["_parsed"] = Parsed(parsed.values[rows], parsed.unreadable[rows], parsed.unit)
         if named := self.__dict__.get("header"):

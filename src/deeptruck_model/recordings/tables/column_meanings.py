@@ -29,7 +29,7 @@ from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.tables.column import RARE, Column
 from deeptruck_model.recordings.tables.header_words import IMPERIAL, METRIC, fits, sibling
 from deeptruck_model.recordings.tables.row_clock import RowClock
-from deeptruck_model.recordings.tables.table_file import Table
+from deeptruck_model.recordings.tables.table import Table
 from deeptruck_model.recordings.units import conversion
 
 Array = NDArray[np.float64]

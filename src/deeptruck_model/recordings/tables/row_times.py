@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.schemas import DATE_UNITS
 from deeptruck_model.recordings.tables.columns import Clock
-from deeptruck_model.recordings.tables.row_keys import copies, merged
-from deeptruck_model.recordings.tables.table_file import Table, shown
+from deeptruck_model.recordings.tables.table import Table, settled, shown
 from deeptruck_model.recordings.units import TIME_UNITS
 
 Array = NDArray[np.float64]
@@ -68,10 +67,7 @@ def timed(table: Table, clock: Clock) -> tuple[Table, Array, list[float]]:
         raise InputError(f"{table.path} has one row; a recording needs at least two")
     if not clock.columns:
         return table, np.arange(len(table)) / clock.rate_hz, []
-    others = [name for name in table.columns if name not in clock.columns]
-    table = table.without(~table.filled(others), "with a time and nothing else")
-    table = table.without(copies(table, clock.columns), "that repeat earlier rows")
-    table = merged(table, clock.columns)
+    table = settled(table, clock.columns)
     seconds = _seconds(table, clock)
     known = ~np.isnan(seconds)
     lost = int(np.argmax(~known))

@@ -19,9 +19,9 @@ from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LAT
 from deeptruck_model.recordings.tables.columns import Columns
 from deeptruck_model.recordings.tables.csv_text import RAGGED
 from deeptruck_model.recordings.tables.header_words import fits, sibling, spelled
-from deeptruck_model.recordings.tables.row_keys import key_of, only, take_turns, widened
 from deeptruck_model.recordings.tables.row_times import timed
-from deeptruck_model.recordings.tables.table_file import Table, read_table
+from deeptruck_model.recordings.tables.table import Table, key_of, only, take_turns, widened
+from deeptruck_model.recordings.tables.table_file import read_table
 from deeptruck_model.recordings.topic_map import Source
 from deeptruck_model.recordings.units import conversion
 
@@ -61,8 +61,6 @@ def read_samples(path: Path, meaning: Columns) -> Samples:
     if meaning.pivot:
         table = widened(table, *meaning.pivot, meaning.time.columns)
     table = only(table, meaning.only)
-    for name in meaning.time.columns:
-        _ = table[name]
     if not meaning.only:
         speeds = [table[meaning.channels["speed"].field].values]
         if key := key_of(table, speeds):

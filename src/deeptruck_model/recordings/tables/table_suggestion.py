@@ -34,8 +34,8 @@ from deeptruck_model.recordings.tables.header_words import (
     sibling,
 )
 from deeptruck_model.recordings.tables.row_clock import RowClock, find_clock
-from deeptruck_model.recordings.tables.row_keys import Key, key_of, only, widened
-from deeptruck_model.recordings.tables.table_file import Table, find_form, read_table
+from deeptruck_model.recordings.tables.table import Key, Table, key_of, only, widened
+from deeptruck_model.recordings.tables.table_file import find_form, read_table
 
 Array = NDArray[np.float64]
 

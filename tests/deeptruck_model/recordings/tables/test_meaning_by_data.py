@@ -18,7 +18,7 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import import_table, suggest_columns
 from deeptruck_model.recordings.resample import Series, uniform
-from deeptruck_model.recordings.tables.curve_file import read_curve
+from deeptruck_model.recordings.tables.table_file import read_curve
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 D = drive()

@@ -18,14 +18,8 @@ from deeptruck_core.json_data import to_json
 from deeptruck_model.recordings import import_table
 from deeptruck_model.recordings.tables.column import floats
 from deeptruck_model.recordings.tables.csv_text import BLANK, RAGGED, UNCLOSED, Format
-from deeptruck_model.recordings.tables.curve_file import read_curve
-from deeptruck_model.recordings.tables.table_file import (
-    ABOVE,
-    BELOW,
-    HEADER,
-    SHOWN,
-    read_table,
-)
+from deeptruck_model.recordings.tables.table import ABOVE, BELOW, SHOWN
+from deeptruck_model.recordings.tables.table_file import HEADER, read_curve, read_table
 
 COLUMNS = {"time": {"column": "t", "unit": "s"}, "channels": {"speed": {"column": "v", "unit": "m/s"}}}
 ROWS = [f"{k / 10:.1f},{10 + k % 3}" for k in range(30)]
@@ -99,7 +93,7 @@ def test_units_above_a_table_without_a_clock(tmp_path: Path) -> None:
             "a value with ',' in it, such as 1,234 or 50.1,8.2, must be quoted",
         ),
         ("log\nt,v\n0,1\n1,2\n", "and none of the 3 rows below has as many; set 'delimiter', or 'skip_rows'"),
-        ("my log,\nt,v\n0,1\n1,2\n", "'t' stands in line 2: skip the lines before it by 'skip_rows'"),
+        ("my log,\nt,v\n0,1\n1,2\n", "'v' stands in line 2: skip the lines before it by 'skip_rows'"),
         ("t,v\n0,1\n?,2\n?,3\n3,4\n", "2 rows have no time in 't', first line 3 with '\\?'"),
     ],
 )

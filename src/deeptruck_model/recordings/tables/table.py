@@ -1,25 +1,35 @@
-"""Tables that mix several things: rows of more than one vehicle, one value per row, or rows written again."""
+"""A table: its columns and rows, and tables that mix several things: rows of more than one vehicle, one value
+per row, or rows written again.
+"""
 
 from __future__ import annotations
 
+import difflib
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from deeptruck_core.account import Account
 from deeptruck_core.errors import InputError
 from deeptruck_core.reading import plain
-from deeptruck_model.recordings.tables.column import Column, floats
-from deeptruck_model.recordings.tables.table_file import Table
+from deeptruck_model.recordings.tables.column import MOST_ABOVE, Column, floats
+from deeptruck_model.recordings.tables.csv_text import SAMPLED
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+SHOWN = 12  # columns that an error lists
+MOST_BELOW = 10  # rows of totals below the numbers
+MOST_WITHOUT_KEY = 0.1  # of the rows; where more have no time, the column or its unit is mistaken
+ABOVE = "of units or text above the numbers"
+BELOW = "of totals or text below the numbers"
 NUMBERS = frozenset(("id", "device", "source", "number", "nr", "no", "unit"))
 COPIED = 20  # rows in a row that make a copy
 MOST_KEYS = 200  # values of a key column
@@ -27,6 +37,147 @@ LEAST_CHANGES = 0.05  # of the rows, from one value of the key to another where 
 SMOOTHER = 0.3  # a speed varies so much less within the rows of one vehicle than from row to row
 TURNS = 5.0  # times that a speed differs more from the next row than from the one behind it
 NAMES = frozenset(("vehicle", "truck", "vin", "fleet", "fahrzeug", "veh", "kennzeichen", "plate"))
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns by name (blanks around names ignored).
+
+    `rows` (n,) are the row numbers in the file, from 0 below the header; `place` describes one of them, such
+    as 'line 7'. `account` counts the rows read, kept and omitted.
+    """
+
+    path: Path
+    columns: dict[str, Column]
+    rows: NDArray[np.int64]
+    place: Callable[[int], str]
+    account: Account
+    decimal: str = "."
+    repeated: frozenset[str] = field(default=frozenset())  # names that several columns have
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def at(self, row: int) -> str:
+        """Description of a row's place in the file."""
+        return self.place(int(self.rows[row]))
+
+    def __getitem__(self, name: str) -> Column:
+        """One column. Raises InputError with the nearest names if there is none."""
+        name = name if name in self.columns else name.strip()
+        if name in self.columns:
+            if name in self.repeated:
+                remark = f"several columns are named '{name}': the first is used"
+                self.account.remarks += [remark] if remark not in self.account.remarks else []
+            return self.columns[name]
+        few = list(self.columns)[:SHOWN]
+        near = difflib.get_close_matches(name, self.columns, n=3, cutoff=0.5) or few
+        near = few if len(self.columns) <= SHOWN else near
+        more = f", and {len(self.columns) - len(near)} more" if len(self.columns) > len(near) else ""
+        there = plain(", ".join(near))
+        raise InputError(f"{self.path} has no column '{name}'; there is: {there}{more}{self._header(name)}")
+
+    def _header(self, name: str) -> str:
+        """Advice if the name occurs in a row below the one that was taken for the header."""
+        for row in range(min(len(self), 2 * SAMPLED)):
+            if any(str(column.raw[row]).strip() == name for column in self.columns.values()):
+                return f"; '{name}' stands in {self.at(row)}: skip the lines before it by 'skip_rows'"
+        return ""
+
+    def numbers(self, name: str, channel: str | None = None) -> Array:
+        """A column as float64 (n,), NaN for cells that are blank or not numbers.
+
+        The account counts the filled cells under `channel` (the column's name if None). Raises InputError if
+        no cell is a number.
+        """
+        column = self[name]
+        values, unreadable = column.values, column.unreadable
+        tally = self.account.channel(channel or name)
+        tally.read += int((~np.isnan(values)).sum() + unreadable.sum())
+        tally.used += int((~np.isnan(values)).sum())
+        if unreadable.any():
+            first = int(np.argmax(unreadable))
+            cell = shown(column.cells[first])
+            tally.set_aside("no number", f"{cell} in {self.at(first)}", int(unreadable.sum()))
+            if np.isnan(values).all():
+                raise InputError(
+                    f"{self.path}: column '{name}' holds no numbers; its first is {cell} in {self.at(first)}"
+                )
+        if np.isnan(values).all():
+            raise InputError(f"{self.path}: column '{name}' holds no numbers; all its cells are blank")
+        return values
+
+    @property
+    def numeric(self) -> list[Column]:
+        """The columns of numbers."""
+        return [column for column in self.columns.values() if column.is_numbers]
+
+    def with_units(self, units: Mapping[str, str]) -> Table:
+        """The table with units that the file states elsewhere than at its columns."""
+        columns = {name: replace(c, below=units.get(name, "")) for name, c in self.columns.items()}
+        return replace(self, columns=columns)
+
+    def take(self, rows: NDArray[np.int64]) -> Table:
+        """The table with these of its rows, in this order."""
+        columns = {name: column.take(rows) for name, column in self.columns.items()}
+        return replace(self, columns=columns, rows=self.rows[rows])
+
+    def without(self, out: Mask, reason: str, first: str = "") -> Table:
+        """The table without the rows `out` (n,), which the account counts as omitted for a reason."""
+        if not out.any():
+            return self
+        at = int(np.argmax(out))
+        self.account.total.set_aside(reason, f"{self.at(at)}{first}", int(out.sum()))
+        left = self.take(np.flatnonzero(~out))
+        self.account.total.used = len(left)
+        return left
+
+    def below_units(self, name: str) -> Table:
+        """The table without its first few rows if these have text in a column of numbers."""
+        unreadable = self[name].unreadable
+        above = np.arange(len(self)) < (len(self) if unreadable.all() else int(np.argmin(unreadable)))
+        return self.without(above, ABOVE) if above.sum() <= MOST_ABOVE else self
+
+    def filled(self, names: Iterable[str]) -> Mask:
+        """Which rows (n,) have a cell in one of these columns."""
+        found = np.zeros(len(self), dtype=bool)
+        for name in names:
+            found |= self.columns[name].has_cell
+            if found.all():
+                break
+        return found
+
+    def with_key(self, known: Mask, what: str, names: Iterable[str], advice: str = "") -> Table:
+        """The rows that have a time or distance, marked by `known` (n,).
+
+        A few rows above the first are units, and a few below the last are totals. Raises InputError, ending
+        with `advice`, if more than a tenth of the others have none.
+        """
+        if known.all():
+            return self
+        place = np.arange(len(known))
+        first, last = (int(place[known][0]), int(place[known][-1])) if known.any() else (len(known), -1)
+        filled = self.filled([name for name in names if name in self.columns])
+        above = (place < first) & filled & (first <= MOST_ABOVE)
+        below = (place > last) & filled & (len(known) - 1 - last <= MOST_BELOW) & known.any()
+        lost = ~known & ~above & ~below
+        column = " and ".join(f"'{name}'" for name in names)
+        if lost.sum() > MOST_WITHOUT_KEY * len(known):
+            at = int(np.argmax(lost))
+            raise InputError(
+                f"{self.path}: {lost.sum()} rows have no {what} in {column}, first {self.at(at)}{advice}"
+            )
+        table, gone = self, np.zeros(len(known), dtype=bool)
+        for rows, reason in ((above, ABOVE), (below, BELOW), (lost, f"without a {what} in {column}")):
+            table = table.without(rows[~gone], reason)
+            gone |= rows
+        return table
+
+
+def shown(cell: object) -> str:
+    """A cell in quotation marks, on one line and shortened."""
+    text = plain(str(cell))
+    return f"'{text[:40]}...'" if len(text) > 43 else f"'{text}'"
 
 
 @dataclass(frozen=True)
@@ -174,7 +325,15 @@ def _again(row: NDArray[np.int64], of: NDArray[np.int64], names: int) -> NDArray
     return repeated
 
 
-def copies(table: Table, time: Sequence[str]) -> Mask:
+def settled(table: Table, time: Sequence[str]) -> Table:
+    """The table without rows that have a `time` (names of columns) and nothing else, and without copies; rows
+    of one time that fill other columns are made one."""
+    others = [name for name in table.columns if name not in time]
+    table = table.without(~table.filled(others), "with a time and nothing else")
+    return _merged(table.without(_copies(table, time), "that repeat earlier rows"), time)
+
+
+def _copies(table: Table, time: Sequence[str]) -> Mask:
     """Rows (n,) that are written again: COPIED rows and more in the order of earlier ones, or every row.
 
     Equal rows of a truck that stands, under a clock in whole seconds, are no copies.
@@ -192,7 +351,7 @@ def copies(table: Table, time: Sequence[str]) -> Mask:
     return found
 
 
-def merged(table: Table, time: Sequence[str]) -> Table:
+def _merged(table: Table, time: Sequence[str]) -> Table:
     """The table with rows of one stamp made one, where each fills columns that the others leave blank, as
     when a table was put together from several sensors."""
     stamps = _codes(table, time)
@@ -203,7 +362,7 @@ def merged(table: Table, time: Sequence[str]) -> Table:
     count = int(of[-1]) + 1
     taken: dict[str, Column] = {}
     for name, column in table.columns.items():
-        filled = pc.is_valid(column.cells if column.is_text else column.raw).to_numpy()
+        filled = column.has_cell
         if name not in time and (np.bincount(of[filled], minlength=count) > 1).any():
             return table
         row = np.full(count, -1)
