@@ -127,7 +127,7 @@ def package_yaml(folder: str, name: str) -> Any:
 def parse_yaml(content: str) -> Any:
     """The content of a YAML text, by libyaml where PyYAML has it, which is five times as fast.
 
-    Raises yaml.YAMLError; ValueError for a date or number that is none; RecursionError for more than DEEPEST
+    Raises yaml.YAMLError; ValueError for an invalid date or number; RecursionError for more than DEEPEST
     nested levels, of which some thousands would end the process in libyaml.
     """
     import yaml

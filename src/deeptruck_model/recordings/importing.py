@@ -100,8 +100,8 @@ def import_table(
 def check(
     source: Path, columns: Meaning, out: Path, *, overwrite: bool = False, clock: Clock | None = None
 ) -> Kind:
-    """What `source` is read as. Raises InputError if it cannot be, by its kind and its description, or if
-    `out` cannot be written."""
+    """The kind of input as which `source` is read. Raises InputError if `source` and `columns` do not fit, or
+    if `out` cannot be written."""
     BAG.check(out, overwrite=overwrite)
     apart(out, source)
     if not source.exists():

@@ -47,8 +47,8 @@ def stem(bag: Path) -> str:
 
 @contextmanager
 def claimed(bag: Path) -> Iterator[None]:
-    """Claim of the recorder on its new bag, which it signs when it ends. Raises InputError if it cannot be
-    claimed."""
+    """Lock the recorder's new bag for the block and mark it as the recorder's, at the end with its files.
+    Raises InputError if that is not possible."""
     with files.writing(bag):
         written = [METADATA, *(path.name for path in bag.iterdir())]
         try:

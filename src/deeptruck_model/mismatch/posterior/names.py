@@ -35,8 +35,8 @@ class Node:
 
 @dataclass(frozen=True)
 class Tree:
-    """The probability of every name, and of any name of a family: of names that may act together it is less
-    than their sum, which it is where `of_families` is empty."""
+    """The probability of every name, and of each family: that any of its names acts. Where `of_families` is
+    empty, names exclude each other, and a family's probability is the sum over its names."""
 
     names: Mapping[str, float]
     of_families: Mapping[str, float] = field(default_factory=dict)

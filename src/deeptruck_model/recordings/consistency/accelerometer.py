@@ -109,7 +109,7 @@ def felt(recordings: Sequence[Recording], channel: str) -> Felt | None:
 
 
 def doubts(recordings: Sequence[Recording]) -> Iterator[Doubt]:
-    """Doubts about what was measured: an acceleration may be derived from the speed."""
+    """Doubts about measured accelerations; those that were derived from the speed are not judged."""
     own = [r for r in recordings if FROM_SPEED not in r.notes]
     for name, pieces in (("acceleration", own), ("specific_force", recordings)):
         if measured := [r for r in pieces if name in r.channels]:

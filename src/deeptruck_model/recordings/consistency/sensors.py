@@ -64,8 +64,8 @@ def doubts(recordings: Sequence[Recording]) -> list[Doubt]:
 
 
 def of_inputs(recordings: Sequence[Recording], channels: Collection[str]) -> list[str]:
-    """The doubts about `channels`, which a truck is driven with and judged by, with what to do: one of each
-    channel, with the sources in which it is doubted if not in all, or of what all of them show together."""
+    """One doubt about each of `channels`, the inputs and responses of a simulator, with its remedy. It names
+    the sources if fewer than half of them show it; otherwise it is that of all sources together."""
     sources = {n: list(r) for n, r in groupby(recordings, lambda r: r.name.partition("#")[0])}
     found: dict[str, dict[str, str]] = {}
     for name, pieces in sources.items():
