@@ -46,14 +46,6 @@ class Scene:
                 return True
         return False
 
-    def send(self, can_id: int, data: bytes) -> None:
-        self.witness.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=True))
-
-    def tell(self, line: str) -> None:
-        assert self.bridge.stdin is not None
-        self.bridge.stdin.write(line + "\n")
-        self.bridge.stdin.flush()
-
     def demands(self, axis: str) -> list[tuple[float, float]]:
         """Time and demand of an axis as received; NaN for a frame that hands back."""
         message = self.vehicle.transmitted[axis]
@@ -86,12 +78,7 @@ def scene(name: str, driver: str = "", engine_percent: float = 40.0) -> Iterator
     emulator = [sys.executable, "-m", "truck_bridge.emulator", "--vehicle", name, "--channel", channel]
     emulator += ["--speed", "15", *(["--driver", driver] if driver else [])]
     truck = subprocess.Popen(emulator, stdout=subprocess.DEVNULL, text=True)
-    bridge = subprocess.Popen(
-        [sys.executable, str(BRIDGE), name, channel, str(command), "0"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    bridge = subprocess.Popen([sys.executable, str(BRIDGE), name, channel, str(command)], text=True)
     try:
         yield Scene(vehicle, channel, bridge, truck, witness)
     finally:
@@ -105,15 +92,6 @@ def first_release(scene: Scene, since: float) -> float:
     """s from `since` to the first engine frame that hands back; NaN where none came."""
     released = [at for at, demand in scene.demands("engine") if at >= since and math.isnan(demand)]
     return released[0] - since if released else math.nan
-
-
-def first_fall(scene: Scene, since: float) -> float:
-    """To the first engine demand below the one before the fault."""
-    before = [demand for at, demand in scene.demands("engine") if at < since]
-    for at, demand in scene.demands("engine"):
-        if at >= since and (math.isnan(demand) or demand < before[-1] - 0.5):
-            return at - since
-    return math.nan
 
 
 def only_releases(scene: Scene, since: float) -> list[str]:
