@@ -19,7 +19,6 @@ from deeptruck_core.signals import CHANNELS
 from deeptruck_model.recordings import topic_map
 from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.recordings.units import conversion, known_units
-from truck_bridge import vehicles
 
 ROOT = Path(__file__).parents[1]
 SCHEMAS = ROOT / "docs" / "schemas"
@@ -157,38 +156,6 @@ def test_topic_maps(where: str, value: Any, good: bool) -> None:
     data = changed(TOPICS, where, value)
     assert program_takes(lambda: topic_map.load(data)) == good
     assert fits("topics", data) == good
-
-
-@pytest.mark.parametrize(
-    ("where", "value", "good"),
-    [
-        ("truck", "truck:volvo", True),
-        ("transmit.brake", None, False),
-        ("timing", {"controller_timeout": 0.1}, True),
-        ("timing", {"controller_timeout": 0}, False),
-        ("timing", {"handover_scale": 2.0}, False),
-        ("timing", {"releases": 2.5}, False),
-        ("timing", {"patience": 1.0}, False),
-        ("colour", "red", False),
-        ("bridge.address", 300, False),
-        ("bridge.address", True, False),
-        ("interface.engine_unit", "lb ft", False),
-        ("interface.grade", "yes", False),
-        ("transmit.engine.check", "crc", False),
-        ("transmit.engine.limits.jerk", -1, False),
-        ("transmit.engine.limits.low", 0, False),
-        ("demands.brake.engine.modes", [0], False),
-        ("demands", None, False),
-        ("receive.EEC1", 5, False),
-        ("receive.EEC1.timeout", 61, False),
-        ("engage.speed", 3, False),
-    ],
-)
-def test_vehicles(where: str, value: Any, good: bool, tmp_path: Path) -> None:
-    data = changed(TRUCK, where, value)
-    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(data))
-    assert program_takes(lambda: vehicles.load(tmp_path / "mine.yaml")) == good
-    assert fits("vehicle", data) == good
 
 
 def spelled(unit: str) -> Iterator[str]:

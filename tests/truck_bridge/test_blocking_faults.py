@@ -69,19 +69,6 @@ def test_a_blocking_fault_refuses_engagement_with_its_reason(world, data, reason
     assert asked(w) == ()  # five seconds after it was said last
 
 
-def test_other_reasons_are_told_beside_it(world):
-    w = ready(world("trucksim"))
-    tell(w, RED)
-    assert w.bridge.engage(w.now, person=True, lead_vehicle=False) == (
-        "no vehicle ahead",
-        "fault: red_stop_lamp (engine)",
-    )
-    assert w.bridge.obstacles(w.now, lead_vehicle=False) == (
-        "no vehicle ahead",
-        "fault: red_stop_lamp (engine)",
-    )
-
-
 @pytest.mark.parametrize("data", [CLEAR, AMBER], ids=["none", "amber"])
 def test_a_fault_that_the_file_does_not_name_blocks_nothing(world, data):
     w = ready(world("trucksim"))
@@ -111,15 +98,6 @@ def test_while_engaged_it_ends_control_in_order(world, source):
     assert len(demands) - len(held) == 4
     assert w.bridge.status.state == "standby" and sum(w.bridge.status.losses.values()) == 1
     assert w.bridge.status.refusals == {}
-
-
-@pytest.mark.parametrize("kept", [1, 2])
-def test_a_dm1_that_is_cut_off_says_nothing(world, kept):
-    w = world("trucksim").engage(975.0)
-    for can_id, content in frames(DERATED)[:kept]:
-        w.trucks.send(can.Message(arbitration_id=can_id, data=content, is_extended_id=True))
-    w.run(3.0, engine=975.0)
-    assert w.bridge.status.engaged and w.bridge.status.faults == ()
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ import math
 import os
 from pathlib import Path
 
-import can
 import numpy as np
 import pytest
 
@@ -98,25 +97,6 @@ def test_signals_that_no_channel_needs_are_not_kept(tmp_path):
     key = ("EEC1", "EngineSpeed", 0)
     assert len(every.series) > 3 and [*some.series] == [key] and some.frames == 3
     assert some.series[key] == every.series[key] and not some.invalid
-
-
-@pytest.mark.parametrize("suffix", ["asc", "blf", "trc", "log"])
-def test_what_python_can_writes_is_read_back(tmp_path, suffix):
-    path = tmp_path / f"log.{suffix}"
-    with can.Logger(str(path)) as log:
-        for k in range(5):
-            log.on_message_received(
-                can.Message(timestamp=1.6e9 + 0.02 * k, arbitration_id=0x0CF00400, data=FRAME, channel="can0")
-            )
-    frames = list(can_logs.read(path))
-    assert [(f.can_id, f.data) for f in frames] == [(0x0CF00400, FRAME)] * 5
-    assert np.diff([f.time for f in frames]) == pytest.approx(0.02, abs=2e-3)
-
-
-@pytest.mark.parametrize("cut", [5, 15, 25, 50])
-def test_a_last_line_that_was_cut_off_is_left_out(tmp_path, cut):
-    frames = list(can_logs.read(written(tmp_path, CONSOLE + CONSOLE[:cut])))
-    assert [(f.can_id, f.data) for f in frames] == [(0x0CF00400, FRAME)]
 
 
 @pytest.mark.parametrize(

@@ -111,12 +111,6 @@ def test_convert_makes_a_rosbag_and_overwrites_nothing(monkeypatch, capsys, log)
     assert "exists already" in capsys.readouterr().err
 
 
-def test_a_table_may_go_into_a_folder_that_is_not_there_yet(monkeypatch, log, tmp_path):
-    out = tmp_path / "o" / "no" / "x.csv"
-    assert run(monkeypatch, "decode", log, "--vehicle", "volvo", "--out", out) == 0
-    assert [p.name for p in out.parent.iterdir()] == ["x.csv"]
-
-
 @pytest.mark.skipif(importlib.util.find_spec("asammdf") is not None, reason="asammdf is installed")
 def test_a_kind_that_needs_an_extra_names_it(monkeypatch, capsys, log, tmp_path):
     (tmp_path / "drive.mf4").write_bytes(b"MDF")

@@ -10,7 +10,6 @@ import pytest
 from bridge_world import in_units
 
 from truck_bridge import vehicles
-from truck_bridge.errors import InputError
 from truck_bridge.received_signals import ReceivedSignals
 
 
@@ -87,26 +86,6 @@ def test_a_second_speed_that_the_file_names_is_no_second_sender(tmp_path):
     for source, speed in ((0x0F, 36.0), (0x00, 54.0), (0x0F, 36.0)):
         signals.hear(layout.can_id(source), layout.encode({"WheelBasedVehicleSpeed": speed}), 1.0)
     assert signals.at(1.0)["speed"] == pytest.approx(15.0)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("fastest: {speed: 12}", "fastest: {sped: 12}", "receive.CCVS1.fastest: no signal 'sped'"),
-        ("still: {engine_speed: 0.5}", "still: {speed: 0.5}", "receive.EEC1.still: no signal 'speed'"),
-        ("obeys: {engine_obeys", "obeys: {engine_obey", "obeys: signal 'engine_obey' is not received"),
-        ("signal: engine_percent, beyond: 30", "signal: torque, beyond: 30", "follows: signal 'torque'"),
-        ("engine_percent, beyond: 30", "engine_percent, beyond: 0", "follows.engine.beyond is 0"),
-        ("follows: {engine:", "follows: {motor:", "follows: nothing commands 'motor'"),
-    ],
-)
-def test_what_a_vehicle_file_says_of_signals_is_checked(tmp_path, old, new, said):
-    text = (resources.files("truck_bridge.vehicles") / "trucksim.yaml").read_text()
-    assert old in text
-    path = tmp_path / "truck.yaml"
-    path.write_text(text.replace(old, new))
-    with pytest.raises(InputError, match=said):
-        vehicles.load(path)
 
 
 @pytest.mark.parametrize(

@@ -174,21 +174,6 @@ def test_a_fault_that_forbids_nothing_is_said_and_the_drive_is_clean(tmp_path):
     assert found.faults == {"SPN 110 FMI 16 (transmission)": 1, "amber_warning_lamp (transmission)": 1}
 
 
-def test_a_drive_that_is_never_free_of_a_fault_is_never_engaged(tmp_path):
-    frames = sorted([*driven("trucksim"), *told([0.0, 4.0], "10FF6E001001FFFF")])
-    said = list(lines(checked(tmp_path, "trucksim", frames)))
-    assert any("never engaged because" in line and "fault: red_stop_lamp (engine)" in line for line in said)
-
-
-@pytest.mark.parametrize("kept", [1, 2])
-def test_a_dm1_cut_off_is_said_and_counts_for_nothing(tmp_path, kept):
-    head = (5.9, 0x1CECFF00, bytes.fromhex("200A0002FFCAFE00"))
-    part = (5.95, 0x1CEBFF00, bytes.fromhex("0110FF21061F016E"))
-    found = checked(tmp_path, "trucksim", [*driven("trucksim", 5.9), head, part][: -2 + kept or None])
-    assert found.clean and not found.faults
-    assert "messages of several frames left out: DM1 of 0x00: cut off (1)" in list(lines(found))
-
-
 @pytest.mark.skipif(not REAL.is_file(), reason=f"{REAL} is not there (set DEEPTRUCK_REAL_DATA)")
 def test_the_faults_of_a_real_truck_forbid_control_where_the_file_names_them(tmp_path):
     mine = RESEARCH.read_text().replace("codes: [{spn: 1569}]", "codes: [{spn: 829, fmi: 3}]")

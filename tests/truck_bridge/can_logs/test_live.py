@@ -136,15 +136,14 @@ def test_a_full_disk_ends_a_recording_in_one_line(loud, tmp_path, suffix):
 
 
 def test_nothing_new_is_put_into_a_finished_result(log, tmp_path):
-    bag = tmp_path / "bag"
-    bag.mkdir()
-    kind = files.Result("a recorded bag")
-    (bag / "metadata.yaml").write_text("x")
-    kind.mark(bag, ["metadata.yaml"])
-    for write in (lambda: can_logs.convert(log, bag / "x.mcap"), lambda: check_new_table(bag / "x.csv")):
+    with files.Result("a recorded bag").replacing(tmp_path / "bag") as draft:
+        (draft / "metadata.yaml").touch()
+    for write in (
+        lambda path: can_logs.convert(log, path / "x.mcap"),
+        lambda path: check_new_table(path / "x.csv"),
+    ):
         with pytest.raises(InputError, match="a recorded bag; choose another name"):
-            write()
-    assert sorted(p.name for p in bag.iterdir()) == [".deeptruck.json", "metadata.yaml"]
+            write(tmp_path / "bag")
 
 
 @pytest.mark.parametrize("speaks", [True, False])

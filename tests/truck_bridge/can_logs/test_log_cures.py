@@ -53,21 +53,6 @@ def refusal(act: Callable[[], Any]) -> str:
     return str(caught.value)
 
 
-def test_of_several_buses_the_one_that_is_chosen_is_read(tmp_path: Path) -> None:
-    other = {"CCVS1": {"WheelBasedVehicleSpeed": 72.0}}
-    path = written(tmp_path / "two.log", frames(DRIVEN), frames(other, "can1"))
-    says = refusal(lambda: can_logs.decode(path))
-    assert "choose one with --channel NAME (import: 'channel: NAME' in the columns file" in says
-    buses = re.findall(r"(can\d) with \d+ frames", says)
-    assert buses == ["can0", "can1"]
-    assert refusal(lambda: imported(path, {}, tmp_path / "none")) == says
-    assert imported(path, {"channel": buses[0]}, tmp_path / "bag") == pytest.approx((SPEED, DEMAND), abs=0.1)
-    for bus, speed in zip(buses, (SPEED, 20.0), strict=True):
-        key = ("CCVS1", "WheelBasedVehicleSpeed", 0)
-        _, values = can_logs.decode(path, channel=bus).series[key]
-        assert np.mean(values) == pytest.approx(3.6 * speed, abs=0.1)
-
-
 def test_a_pedal_becomes_the_engine_command_as_the_message_has_it(tmp_path: Path) -> None:
     path = written(tmp_path / "pedal.log", frames(BY_PEDAL))
     says = refusal(lambda: imported(path, {}, tmp_path / "none"))
@@ -117,15 +102,3 @@ def test_a_table_is_for_import_and_is_read_there(tmp_path: Path) -> None:
     channels = {"speed": {"column": "v", "unit": "m/s"}, "engine_command": {"column": "e", "unit": "percent"}}
     meaning = {"time": {"column": "t", "unit": "s"}, "channels": channels}
     assert imported(path, meaning, tmp_path / "bag") == pytest.approx((SPEED, DEMAND), abs=1e-3)
-
-
-def test_differences_recorded_again_as_times_are_read(tmp_path: Path) -> None:
-    lines = frames(DRIVEN)
-    path = tmp_path / "differences.log"
-    path.write_text(
-        "".join(f"(0{k % 2 * 0.1:.6f}){line[line.index(')') + 1 :]}" for k, line in enumerate(lines))
-    )
-    says = refusal(lambda: imported(path, {}, tmp_path / "none"))
-    assert "Record with 'candump -t a' or 'candump -l'" in says
-    again = written(tmp_path / "times.log", lines)
-    assert imported(again, {}, tmp_path / "bag") == pytest.approx((SPEED, DEMAND), abs=0.1)

@@ -31,15 +31,6 @@ def log(tmp_path):
     return path
 
 
-def test_a_log_through_a_bag_is_the_same_log(log, tmp_path):
-    bag, back = tmp_path / "drive.mcap", tmp_path / "back.log"
-    assert can_logs.convert(log, bag).total.used == 100
-    assert can_logs.convert(bag, back).total.used == 100
-    before, after = list(can_logs.read(log)), list(can_logs.read(back))
-    assert [frame[1:] for frame in before] == [frame[1:] for frame in after]
-    assert [f.time for f in before] == pytest.approx([f.time for f in after], abs=1e-6, rel=0)
-
-
 def test_a_reader_that_knows_nothing_of_us_reads_it(log, tmp_path):
     bag = tmp_path / "drive.mcap"
     can_logs.convert(log, bag)
