@@ -37,7 +37,9 @@ def test_a_command_is_repeated_only_while_observations_are_whole(
     assert max(received["came"]) < received["fed"] + STALE_AFTER + REPEAT_EVERY + LATE, received["came"][-3:]
 
 
-@pytest.mark.parametrize("silent", [("/radar/range", "/radar/twist"), ("/radar/range",)])
+@pytest.mark.parametrize(
+    "silent", [("/radar/range", "/radar/twist"), pytest.param(("/radar/range",), marks=pytest.mark.long)]
+)
 def test_a_silent_radar_sees_no_vehicle_and_what_was_followed_goes_on(
     domain: int, tmp_path: Path, silent: tuple[str, ...]
 ) -> None:
@@ -47,26 +49,19 @@ def test_a_silent_radar_sees_no_vehicle_and_what_was_followed_goes_on(
     assert "the radar lost the leader 1 time," in says
 
 
-def test_the_engaged_bit_comes_back_with_each_command_and_dies_with_the_bridge(
+def test_a_best_effort_radar_is_heard_beyond_a_false_stamp_and_the_engaged_bit_dies_with_the_bridge(
     domain: int, tmp_path: Path
 ) -> None:
-    received, _ = fed_controller(domain, tmp_path, ())
+    received, says = fed_controller(domain, tmp_path, ("best_effort", "future"))
+    gaps = [after - before for before, after in pairwise(received["came"])]
+    assert received["came"][0] < 1.0 and received["came"][-1] > 3.5
+    assert max(gaps) < STALE_AFTER + LATE
+    assert "radar range stamped in the future; counted" in says
     begins, ends = received["told"]
     bits = dict(zip(received["came"], received["bits"], strict=True))
     assert {bit for at, bit in bits.items() if at < begins} == {0.0}
     assert {bit for at, bit in bits.items() if begins + LATE < at < ends} == {1.0}
     assert {bit for at, bit in bits.items() if at > ends + STALE_AFTER + LATE} == {0.0}
-
-
-@pytest.mark.parametrize("word", ["best_effort", "future"])
-def test_a_radar_is_heard_best_effort_and_beyond_one_false_stamp(
-    domain: int, tmp_path: Path, word: str
-) -> None:
-    received, says = fed_controller(domain, tmp_path, (word,))
-    gaps = [after - before for before, after in pairwise(received["came"])]
-    assert received["came"][0] < 1.0 and received["came"][-1] > 3.5
-    assert max(gaps) < STALE_AFTER + LATE
-    assert ("radar range stamped in the future; counted" in says) is (word == "future")
 
 
 def test_two_publishers_of_the_speed_end_the_controller_with_both_names(domain: int, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A run with a page is the run without it; started by hand the page says where it is."""
+"""The page started by hand says where it is; that of a run is in test_node_graph."""
 
 from __future__ import annotations
 
@@ -9,28 +9,9 @@ import signal
 import subprocess
 import sys
 import urllib.request
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-import pytest
-
-from deeptruck_model.recordings.bag_source import BagSource
 from deeptruck_nodes import environment
-
-
-@pytest.mark.long
-def test_a_page_changes_no_byte_of_a_lockstep_bag(
-    start: Callable[..., Any], lockstep: tuple[object, ...], lockstep_bag: Path, tmp_path: Path
-) -> None:
-    run = start("start_simulation.py", *lockstep, "--record", tmp_path / "bag", "--page")
-    code, out, errors = run.finish()
-    assert (code, errors) == (0, "") and "page: http://127.0.0.1:" in out
-    messages = []
-    for bag in (tmp_path / "bag", lockstep_bag):
-        with BagSource(bag) as source:
-            messages.append(sorted(source.messages(set(source.topics))))
-    assert messages[0] == messages[1]
 
 
 def test_started_by_hand_it_says_where_it_is_and_serves(tmp_path: Path, domain: int) -> None:

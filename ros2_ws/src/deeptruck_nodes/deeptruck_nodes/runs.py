@@ -239,10 +239,16 @@ def _limits(interface: TruckInterface | None, simulator: str, descent: float) ->
     """
     from deeptruck_cacc.safety.truck_limits import STEEPEST, known
     from deeptruck_model import simulators
+    from deeptruck_model.trucks import specification
 
     if interface is None or interface.brake_unit is None or simulator.startswith(("python:", "fmu:")):
         return {}
-    parameters = simulators.load(simulator).parameters()
+    physics = simulator.startswith("truck:")  # its file has them all: nothing needs to be compiled
+    parameters = (
+        specification.named(simulator.removeprefix("truck:")).values
+        if physics
+        else simulators.load(simulator).parameters()
+    )
     if known(interface, parameters, descent) is not None:
         return {}
     return {"limits_of": simulator, "limits_grade": min(descent, STEEPEST)}
