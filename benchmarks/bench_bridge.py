@@ -108,11 +108,11 @@ def override_s(name: str) -> float:
     with fault_scene.scene(name, f"{DRIVER_AT}:brake_pedal=40") as stage:
         if not stage.engaged() or not stage.listen(20.0, lambda at, *frame: pressed(stage.vehicle, *frame)):
             return math.nan
-        told = stage.received[-1][0]
+        since = stage.received[-1][0]
         if math.isnan(stage.demands("engine")[-1][1]):
             return math.nan
         stage.listen(1.0)
-        return fault_scene.first_release(stage, told)
+        return fault_scene.first_release(stage, since)
 
 
 def override_row(runs: int) -> str:

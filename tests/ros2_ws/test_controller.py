@@ -49,7 +49,7 @@ def test_a_silent_radar_sees_no_vehicle_and_what_was_followed_goes_on(
     assert "the radar lost the leader 1 time," in says
 
 
-def test_a_best_effort_radar_is_heard_beyond_a_false_stamp_and_the_engaged_bit_dies_with_the_bridge(
+def test_the_engaged_bit_comes_back_until_the_bridge_dies_and_a_radar_is_heard_beyond_a_false_stamp(
     domain: int, tmp_path: Path
 ) -> None:
     received, says = fed_controller(domain, tmp_path, ("best_effort", "future"))
