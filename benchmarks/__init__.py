@@ -1,1 +1,1 @@
-"""Measurements that write docs/results, and the experiments in `paper`."""
+"""Measurements that write docs/results."""
