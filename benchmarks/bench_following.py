@@ -63,7 +63,7 @@ def main() -> None:
         for name, path in simulator.items()
     }
     chosen = evaluate(
-        str(work / "policy"), simulator["truck"], work / "chosen", seed=args.seed, full=True, overwrite=True
+        str(work / "policy"), simulator["truck"], work / "chosen", seed=args.seed, overwrite=True
     )
     lines = harness.heading(f"Following with {args.truck}")
     lines += [f"{args.seeds} seeds, 100 scenes each; worst over seeds (median of the seeds).", ""]
