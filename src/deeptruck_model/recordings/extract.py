@@ -25,14 +25,7 @@ from deeptruck_model.recordings.obeyed import Obedience, no_load, with_engaged
 from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
 from deeptruck_model.recordings.resample import MARGIN_S, Received, Resampler
 from deeptruck_model.recordings.schemas import DRIVEN_BY
-from deeptruck_model.recordings.topic_map import (
-    DEFAULT_TOPICS,
-    EXTRA_TOPIC,
-    Source,
-    TopicMap,
-    load,
-    stated,
-)
+from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, EXTRA_TOPIC, Source, TopicMap, load, stated
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

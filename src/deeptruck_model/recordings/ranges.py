@@ -11,11 +11,7 @@ from numpy.typing import NDArray
 from deeptruck_core.account import Tally, moment
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import CHANNELS, TruckInterface, channel_of
-from deeptruck_model.recordings.consistency.impossible import (
-    impossible,
-    lost_decimals,
-    zero_changes,
-)
+from deeptruck_model.recordings.consistency.impossible import impossible, lost_decimals, zero_changes
 from deeptruck_model.recordings.units import known_units
 
 Array = NDArray[np.float64]

@@ -11,14 +11,7 @@ import pytest
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import CHANNELS, TruckInterface
-from deeptruck_model.recordings import (
-    Recording,
-    coverage,
-    import_table,
-    read,
-    suggest_columns,
-    write_bag,
-)
+from deeptruck_model.recordings import Recording, coverage, import_table, read, suggest_columns, write_bag
 from deeptruck_model.recordings.not_recorded import INPUTS, not_recorded
 
 CHANNELS_OF = {
