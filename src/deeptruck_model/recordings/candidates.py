@@ -201,9 +201,7 @@ class Proposal:
         return ""
 
 
-def by_channel(
-    ones: Iterable[Candidate],
-) -> tuple[dict[str, list[Candidate]], dict[str, list[Candidate]]]:
+def by_channel(ones: Iterable[Candidate]) -> tuple[dict[str, list[Candidate]], dict[str, list[Candidate]]]:
     """Candidates of each channel, most probable first, and set points of those that must be measured."""
     candidates: dict[str, list[Candidate]] = {}
     commanded: dict[str, list[Candidate]] = {}

@@ -111,10 +111,7 @@ class CrashSafeWriter:
         if type_name not in self._schemas:
             self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", text.encode())
         channel_id = self._writer.register_channel(
-            topic,
-            "cdr",
-            self._schemas[type_name],
-            {"offered_qos_profiles": "", "topic_type_hash": type_hash},
+            topic, "cdr", self._schemas[type_name], {"offered_qos_profiles": "", "topic_type_hash": type_hash}
         )
         self._topics[topic] = _Channel(channel_id, type_name)
         return self._topics[topic]

@@ -141,11 +141,7 @@ def _ebc5(truck: Truck) -> Values:
 
 
 def _vdc2(truck: Truck) -> Values:
-    return {
-        "LongitudinalAcceleration": truck.specific_force,
-        "LateralAcceleration": 0.0,
-        "YawRate": 0.0,
-    }
+    return {"LongitudinalAcceleration": truck.specific_force, "LateralAcceleration": 0.0, "YawRate": 0.0}
 
 
 def _etc1(truck: Truck) -> Values:

@@ -51,15 +51,9 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
         ({"velocity": {"topic": "/g", "field": "data"}}, "topic map: unknown key 'velocity'"),
         ({"speed": {"topic": "/g"}}, "needs topic and field"),
         ({"speed": "/g"}, "needs topic and field"),
-        (
-            {"speed": {"topic": "/g", "field": "x", "unit": "rpm"}},
-            "'rpm' does not fit; use one of: m/s",
-        ),
+        ({"speed": {"topic": "/g", "field": "x", "unit": "rpm"}}, "'rpm' does not fit; use one of: m/s"),
         ({"speed": {"topic": "/g", "field": "x", "factor": 2}}, "speed: unknown key 'factor'"),
-        (
-            {"speed": {"topic": "/g", "field": "x", "scale": "two"}},
-            "scale: 'two' is not of type 'number'",
-        ),
+        ({"speed": {"topic": "/g", "field": "x", "scale": "two"}}, "scale: 'two' is not of type 'number'"),
     ],
 )
 def test_bad_topic_maps(tmp_path: Path, topic_map: dict[str, Any], match: str) -> None:

@@ -20,9 +20,7 @@ MAP = {
     "speed": {"topic": "/speed", "field": "twist.linear.x"},
     "engine_command": {"topic": "/throttle", "field": "data", "unit": "percent"},
 }
-STAMPED_MAP = MAP | {
-    "engine_command": {"topic": "/throttle", "field": "twist.linear.x", "unit": "percent"},
-}
+STAMPED_MAP = MAP | {"engine_command": {"topic": "/throttle", "field": "twist.linear.x", "unit": "percent"}}
 Stamp = Callable[[int], int]  # from the time since the log's first message, ns, to a stamp, ns
 
 

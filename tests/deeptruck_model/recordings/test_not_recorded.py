@@ -44,11 +44,7 @@ def test_each_input_is_missed_alone(whole: Recording, name: str, how: str) -> No
         nothing = {c: np.full(600, np.nan) for c in CHANNELS_OF[name]}
         lacking = replace(whole, channels=whole.channels | nothing)
     (missing,) = not_recorded([lacking])
-    assert missing.to_dict() == {
-        "input": name,
-        "hides": missing.input.hides,
-        "signal": missing.input.signal,
-    }
+    assert missing.to_dict() == {"input": name, "hides": missing.input.hides, "signal": missing.input.signal}
 
 
 def test_the_mass_is_missed_where_no_interface_has_it(drive: Recording) -> None:

@@ -96,11 +96,7 @@ def test_nan_is_not_bridged() -> None:
 def test_holes_are_not_bridged_but_slow_channels_are() -> None:
     ticks = clock(10, 20)
     slow, holed = clock(1, 20), np.concatenate([clock(10, 8), clock(10, 8, start=12)])
-    series = {
-        "speed": Series(ticks, ticks),
-        "grade": Series(slow, 0.001 * slow),
-        "gap": Series(holed, holed),
-    }
+    series = {"speed": Series(ticks, ticks), "grade": Series(slow, 0.001 * slow), "gap": Series(holed, holed)}
     (recording,) = resampled(series)
     np.testing.assert_allclose(recording.channels["grade"], 0.001 * ticks, atol=1e-12)
     assert np.isnan(recording.channels["gap"][81:120]).all()

@@ -107,8 +107,7 @@ def _null_modes(bag: Path, information: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 @pytest.mark.parametrize(
-    "change",
-    [_with_folder, _absolute, _below, _no_identifier, _wrong_identifier, _wrong_counts, _null_modes],
+    "change", [_with_folder, _absolute, _below, _no_identifier, _wrong_identifier, _wrong_counts, _null_modes]
 )
 def test_metadata_as_recorders_write_them(
     tmp_path: Path, storage: StoragePlugin, change: Callable[[Path, dict[str, Any]], None]

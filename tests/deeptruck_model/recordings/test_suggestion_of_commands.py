@@ -246,12 +246,7 @@ def test_apollo(tmp_path: Path) -> None:
             {"inner.setpoint.speed": RAMP, "inner.feedback.speed": RAMP},
             "inner.feedback.speed",
         ),
-        (
-            "/s",
-            "my_msgs/msg/Short",
-            {"speedTgt": RAMP, "des_vel": RAMP, "speedAct": RAMP},
-            "speedAct",
-        ),
+        ("/s", "my_msgs/msg/Short", {"speedTgt": RAMP, "des_vel": RAMP, "speedAct": RAMP}, "speedAct"),
         ("/v_soll", "my_msgs/msg/Axis", {"speed": RAMP}, ""),
         ("/goal/motion", "my_msgs/msg/Motion", {"speed_mps": RAMP, "acceleration_mps2": 0.1 * RAMP}, ""),
         ("/control/motion", "my_msgs/msg/Motion", {"speed_mps": RAMP}, ""),

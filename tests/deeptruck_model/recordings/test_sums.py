@@ -22,10 +22,7 @@ MEANING = {
 }
 CELLS = st.sampled_from(["", "-1", "0", "102", "255", "65535", "1e30", "nan", "-40", "x", "12 km/h", "N"])
 FAULT = st.tuples(
-    st.sampled_from(["v", "gas", "brake", "h", "n", "gear"]),
-    CELLS,
-    st.integers(0, 299),
-    st.integers(1, 40),
+    st.sampled_from(["v", "gas", "brake", "h", "n", "gear"]), CELLS, st.integers(0, 299), st.integers(1, 40)
 )
 
 

@@ -297,10 +297,7 @@ def test_the_unit_of_a_speed_agrees_with_places_though_the_receiver_showed_zero(
     t = 0.1 * np.arange(1800)
     v, north = speed(t), 50 + np.cumsum(speed(t)) * 0.1 / 111_195.0
     v[300:400] = 0.0
-    known = {
-        "latitude": [("lat", Series(t, north))],
-        "longitude": [("lon", Series(t, np.full(1800, 8.0)))],
-    }
+    known = {"latitude": [("lat", Series(t, north))], "longitude": [("lon", Series(t, np.full(1800, 8.0)))]}
     for unit, factor in (("m/s", 1.0), ("km/h", 3.6)):
         options = [(one, 1.0) for one in ("m/s", "km/h", "mph")]
         found, scale, why = unit_of("speed", options, Series(t, factor * v), known)

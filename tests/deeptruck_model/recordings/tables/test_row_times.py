@@ -128,17 +128,9 @@ def test_nanoseconds_apart_stay_apart(tmp_path: Path) -> None:
             {"unit": "iso"},
             r"'05.08.2026 18:57:56,000' in line 2; set time: {column: t, format: \"%d.%m.%Y %H:%M:%S,%f",
         ),
-        (
-            ["18:57:56.0", "18:57:56.1"],
-            {"unit": "s"},
-            "'18:57:56.0' in line 2; set time: .* unit: iso}",
-        ),
+        (["18:57:56.0", "18:57:56.1"], {"unit": "s"}, "'18:57:56.0' in line 2; set time: .* unit: iso}"),
         (["1700000000", "1700000001"], {"unit": "iso"}, "set time: {column: t, unit: s or unit: ms or"),
-        (
-            ["05-ago.-2026", "05-ago.-2026"],
-            {"unit": "iso"},
-            "'05-ago.-2026' in line 2; set time: .* format:",
-        ),
+        (["05-ago.-2026", "05-ago.-2026"], {"unit": "iso"}, "'05-ago.-2026' in line 2; set time: .* format:"),
         (
             ["01/02/2026 10:00", "01/02/2026 10:01"],
             {"unit": "iso"},
