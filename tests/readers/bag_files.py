@@ -26,12 +26,11 @@ def drive(samples: int = 40) -> Recording:
 
 
 def read_bag(file: Path) -> list[Any]:
-    """The recordings of a lone file, or of the folder around it."""
+    """The recordings of a lone file, or of the folder around it, whose account adds up."""
     bag = file.parent if (file.parent / "metadata.yaml").exists() else file
-    return [
-        (r.name, r.dt, r.start_s, r.interface.to_dict(), r.channels)
-        for r in read(bag, interface=None if bag == file.parent else TRUCK)
-    ]
+    found = read(bag, interface=None if bag == file.parent else TRUCK)
+    assert all(r.account is not None and r.account.balanced for r in found)
+    return [(r.name, r.dt, r.start_s, r.interface.to_dict(), r.channels) for r in found]
 
 
 def propose_map(file: Path) -> list[Any]:

@@ -28,14 +28,6 @@ def test_everything_comes_back(tmp_path: Path, drive: Recording, interface: Truc
     assert (again.name, again.dt, again.interface, again.notes) == ("bag", 0.1, interface, ("a note",))
 
 
-def test_no_room_helps_where_a_file_stands_for_a_folder(
-    tmp_path: Path, drive: Recording, interface: TruckInterface
-) -> None:
-    (tmp_path / "file").write_text("notes")
-    with pytest.raises(InputError, match=r"is no folder; choose another --out$"):
-        write_bag(tmp_path / "file" / "bag", [drive], interface=interface)
-
-
 def test_pieces_stay_pieces(tmp_path: Path, drive: Recording, interface: TruckInterface) -> None:
     """Neighbouring and overlapping pieces are moved apart; a true distance in time is kept."""
     pieces = [drive.piece(0, 200), drive.piece(200, 400), drive, replace(drive, start_s=5000.0)]
@@ -135,6 +127,6 @@ def test_nothing_is_overwritten_or_left_behind(
     with pytest.raises(InputError, match="has no channel speed"):
         write_bag(tmp_path / "two", [silent], interface=interface)
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot write"):
+    with pytest.raises(InputError, match=r"cannot write .* is no folder; choose another --out$"):
         write_bag(tmp_path / "file" / "bag", [drive], interface=interface)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bag", "file"]

@@ -17,10 +17,6 @@ from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table
 
 Meaning = dict[str, Any]
-PACKED = [
-    f"0958{30 + k // 10:02d}.{k % 10}0" if k < 300 else f"0959{k // 10 - 30:02d}.{k % 10}0"
-    for k in range(600)
-]
 DATES = [f"04.05.2026 09:58:{k // 10:02d}.{k % 10}" for k in range(600)]
 SI = {"speed": {"column": "v", "unit": "m/s"}}
 
@@ -74,7 +70,6 @@ IN_MPH = {"speed": {"column": "v", "unit": "mph"}}
 TWO = {**D, "car": np.where(np.arange(600) % 2, "a", "b")}
 
 ROWS = {
-    "packed clock": Row({**D, "t": PACKED}, COLUMNS, r"set time: (\{.*?\})", key("time")),
     "dates": Row({**D, "t": DATES}, COLUMNS, r"set time: (\{.*?\})", key("time")),
     "iso dates": Row(
         {**D, "t": [f"2026-05-04 09:58:{k // 10:02d}.{k % 10}" for k in range(600)]},

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import jsonschema
 import numpy as np
 import pytest
 import yaml
@@ -12,7 +11,6 @@ from foreign_bags import Message, S, bag_of, number, twist
 
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table, read
-from deeptruck_model.recordings.schemas import columns
 from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.recordings.topic_map import load
 
@@ -65,10 +63,3 @@ def test_what_is_no_name_of_its_own_is_refused(extra: object, says: str) -> None
 def test_an_unknown_channel_is_referred_to_extra() -> None:
     with pytest.raises(InputError, match=r"'oil'.* other names go under 'extra'"):
         load({"speed": {"topic": "/s", "field": "data"}, "oil": {"topic": "/o", "field": "data"}})
-
-
-def test_the_schema_knows_them() -> None:
-    jsonschema.validate(yaml.safe_load(COLUMNS), columns())
-    wrong = {**yaml.safe_load(COLUMNS), "extra": {"oil temperature": "T"}}
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(wrong, columns())

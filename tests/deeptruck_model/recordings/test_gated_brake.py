@@ -79,19 +79,24 @@ def test_a_bag_with_other_topics(tmp_path: Path) -> None:
     check(imported)
 
 
-def test_a_can_log_has_the_switch_of_its_cruise_control_message(tmp_path: Path) -> None:
+def can_log(path: Path, **switch: Any) -> Path:
+    """Speed, driver's demand, and the brake switch (n,) under the name of its signal, if any."""
     codec = pytest.importorskip("truck_bridge.j1939").load()
     lines = []
-    for t, v, on in zip(T, SPEED, ON, strict=True):
+    for k, (t, v) in enumerate(zip(T, SPEED, strict=True)):
         sent = {
-            "CCVS1": {"WheelBasedVehicleSpeed": 3.6 * v, "BrakeSwitch": float(on)},
+            "CCVS1": {"WheelBasedVehicleSpeed": 3.6 * v, **{s: float(x[k]) for s, x in switch.items()}},
             "EEC1": {"DriversDemandPercentTorque": 20.0},
         }
         for name, values in sent.items():
             frame = f"{codec[name].can_id(0):08X}#{codec[name].encode(values).hex()}"
             lines.append(f"({t:.6f}) can0 {frame}\n")
-    log = tmp_path / "drive.log"
-    log.write_text("".join(lines))
+    path.write_text("".join(lines))
+    return path
+
+
+def test_a_can_log_has_the_switch_of_its_cruise_control_message(tmp_path: Path) -> None:
+    log = can_log(tmp_path / "drive.log", BrakeSwitch=ON)
     (recording,) = import_table(log, {"channels": {"brake_command": DERIVED}}, tmp_path / "bag").recordings
     assert read(tmp_path / "bag")[0].interface == recording.interface
     assert recording.interface.brake_unit == "m/s^2"
@@ -120,10 +125,6 @@ def test_another_derivation_is_refused(tmp_path: Path, entry: dict[str, str], sa
 
 
 def test_a_log_without_the_switch_says_so(tmp_path: Path) -> None:
-    codec = pytest.importorskip("truck_bridge.j1939").load()
-    sent = {"CCVS1": {"WheelBasedVehicleSpeed": 36.0}, "EEC1": {"DriversDemandPercentTorque": 20.0}}
-    frames = {name: f"{codec[name].can_id(0):08X}#{codec[name].encode(v).hex()}" for name, v in sent.items()}
-    log = tmp_path / "drive.log"
-    log.write_text("".join(f"({k / 10:.6f}) can0 {f}\n" for k in range(100) for f in frames.values()))
+    log = can_log(tmp_path / "drive.log")
     with pytest.raises(InputError, match="holds no brake_switch, by which a brake command could be derived"):
         import_table(log, {"channels": {"brake_command": DERIVED}}, tmp_path / "bag")

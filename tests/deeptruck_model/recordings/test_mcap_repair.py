@@ -8,6 +8,7 @@ import pytest
 from counted_bags import contents, fill, payload
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.files import Result
@@ -51,6 +52,8 @@ def test_a_repair_keeps_what_it_cuts_off_and_touches_nothing_else(tmp_path: Path
         "notes.txt",
     )
     assert sorted(p.name for p in (tmp_path / "bag").iterdir()) == list(names)
+    with AnyReader([tmp_path / "bag"]) as reader:
+        assert reader.readers[0].storage.metadata.custom == {"deeptruck.x": "1"}  # type: ignore[union-attr]
     assert contents(tmp_path / "bag") == {"/a": list(range(50)), "/b": list(range(50))}
 
 
@@ -110,8 +113,10 @@ def finished_bag(bag: Path) -> Path:
 
 def test_a_bag_that_only_lost_its_description_is_still_its_recorders(tmp_path: Path) -> None:
     bag = finished_bag(tmp_path / "bag").parent
+    before = contents(bag)
     (bag / "metadata.yaml").unlink()
-    assert repair(bag)
+    said = repair(bag)
+    assert said is not None and "nothing was lost" in said and contents(bag) == before
     assert KIND.check(bag, overwrite=True)
 
 

@@ -74,47 +74,41 @@ def test_parts_of_a_split_recording_are_read_without_metadata(
         assert len(recording) * recording.dt > 0.9 * (messages[-1][2] - messages[0][2]) / S
 
 
-def _with_folder(bag: Path, information: dict[str, Any]) -> None:
-    information["relative_file_paths"] = [f"{bag.name}/{n}" for n in information["relative_file_paths"]]
-
-
-def _absolute(bag: Path, information: dict[str, Any]) -> None:
-    information["relative_file_paths"] = [f"/data/{n}" for n in information["relative_file_paths"]]
-
-
 def _below(bag: Path, information: dict[str, Any]) -> None:
     (bag / "part").mkdir()
     for name in information["relative_file_paths"]:
         shutil.move(bag / name, bag / "part" / name)
-    information["relative_file_paths"] = [f"part/{n}" for n in information["relative_file_paths"]]
+    _behind("part")(bag, information)
 
 
-def _no_identifier(bag: Path, information: dict[str, Any]) -> None:
-    information["storage_identifier"] = ""
+def _behind(folder: str) -> Callable[[Path, dict[str, Any]], None]:
+    """Each file stands below a folder, `{}` being that of the bag."""
+
+    def change(bag: Path, information: dict[str, Any]) -> None:
+        names = information["relative_file_paths"]
+        information["relative_file_paths"] = [f"{folder.format(bag.name)}/{name}" for name in names]
+
+    return change
 
 
-def _wrong_identifier(bag: Path, information: dict[str, Any]) -> None:
-    information["storage_identifier"] = "my_plugin"
-
-
-def _wrong_counts(bag: Path, information: dict[str, Any]) -> None:
-    information["topics_with_message_count"][0]["message_count"] = 7
-
-
-def _null_modes(bag: Path, information: dict[str, Any]) -> None:
-    information |= {"compression_mode": None, "compression_format": None, "custom_data": None}
+NONE = {"compression_mode": None, "compression_format": None, "custom_data": None}
+CHANGES: dict[str, Callable[[Path, dict[str, Any]], object]] = {
+    "below its folder": _behind("{}"),
+    "absolute": _behind("/data"),
+    "below another": _below,
+    "no identifier": lambda _, information: information.update(storage_identifier=""),
+    "another identifier": lambda _, information: information.update(storage_identifier="my_plugin"),
+    "wrong counts": lambda _, i: i["topics_with_message_count"][0].update(message_count=7),
+    "null": lambda _, information: information.update(NONE),
+}
 
 
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-@pytest.mark.parametrize(
-    "change", [_with_folder, _absolute, _below, _no_identifier, _wrong_identifier, _wrong_counts, _null_modes]
-)
-def test_metadata_as_recorders_write_them(
-    tmp_path: Path, storage: StoragePlugin, change: Callable[[Path, dict[str, Any]], None]
-) -> None:
+@pytest.mark.parametrize("change", CHANGES)
+def test_metadata_as_recorders_write_them(tmp_path: Path, storage: StoragePlugin, change: str) -> None:
     bag = bag_of(tmp_path / "bag", drive_messages(), storage=storage)
     data = yaml.safe_load((bag / "metadata.yaml").read_text())
-    change(bag, data["rosbag2_bagfile_information"])
+    CHANGES[change](bag, data["rosbag2_bagfile_information"])
     (bag / "metadata.yaml").write_text(yaml.safe_dump(data))
     check(bag)
 
