@@ -70,7 +70,7 @@ def at_ticks(
     if channel in HELD:
         return _step_mean_of_held(time, values, ticks, dt, patience)
     if channel in LATCHED:
-        return _held(time, values, ticks, dt, patience)[0]
+        return held(time, values, ticks, patience, dt)[0]
     near = max(GAP_PERIODS * own_period, 1.5 * dt)
     if channel in _STEP_MEANS and 0 < own_period < 0.7 * dt:
         means = _mean_of_step_before(time, values, ticks, dt, own_period)
@@ -92,11 +92,14 @@ def _linear(time: Array, values: Array, ticks: Array, dt: float, near: float) ->
     return np.where(on_tick, values[closest], between)
 
 
-def _held(
-    time: Array, values: Array, ticks: Array, dt: float, patience: float
+def held(
+    time: Array, values: Array, ticks: Array, patience: float, dt: float = 0.0
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Last value at or before each tick, NaN where older than `patience`; and its index, -1 for none."""
+    """Last value at or before each tick, to a part of the step `dt`, NaN where older than `patience`; and its
+    index, -1 for none."""
     index = np.searchsorted(time, ticks + SNAP * dt, side="right") - 1
+    if not len(time):
+        return np.full(len(ticks), np.nan), index
     safe = np.maximum(index, 0)
     fresh = (index >= 0) & (ticks - time[safe] <= patience)
     return np.where(fresh, values[safe], np.nan), index
@@ -104,16 +107,16 @@ def _held(
 
 def _step_mean_of_held(time: Array, values: Array, ticks: Array, dt: float, patience: float) -> Array:
     """Mean over [t_k, t_k + dt) of the zero-order-held command; the sample if it does not change."""
-    held, first = _held(time, values, ticks, dt, patience)
+    last_before, first = held(time, values, ticks, patience, dt)
     last = np.searchsorted(time, ticks + (1 - SNAP) * dt) - 1
     if np.array_equal(first, last):
-        return held
+        return last_before
     ends = np.append(ticks, ticks[-1] + dt)
     inner = time[(time > ends[0]) & (time < ends[-1])]
     edges = np.sort(np.concatenate([ends, inner]))
-    level = _held(time, values, edges[:-1], dt, patience)[0]
+    level = held(time, values, edges[:-1], patience, dt)[0]
     area = np.add.reduceat(level * np.diff(edges), np.searchsorted(edges[:-1], ticks))
-    return np.where(first == last, held, area / dt)
+    return np.where(first == last, last_before, area / dt)
 
 
 def _mean_of_step_before(time: Array, values: Array, ticks: Array, dt: float, own_period: float) -> Array:

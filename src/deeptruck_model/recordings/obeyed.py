@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from deeptruck_core.account import Account, moment
 from deeptruck_model.recordings.bag_source import BagSource
-from deeptruck_model.recordings.interpolate import GAP_S, Series
+from deeptruck_model.recordings.interpolate import GAP_S, Series, held
 from deeptruck_model.recordings.layout import Walker
 from deeptruck_model.recordings.topic_map import Source
 
@@ -97,9 +97,9 @@ class Obedience:
         return bridge if len(bridge.time) else command
 
     def _merged(self, command: str, given: Series, driver: Series, bits: Series) -> Series:
-        engaged = _held(bits, given.time)
+        engaged = held(bits.time, bits.values, given.time, GAP_S)[0]
         obeyed = engaged == 1.0
-        driving = _held(bits, driver.time) == 0.0
+        driving = held(bits.time, bits.values, driver.time, GAP_S)[0] == 0.0
         self._driven[command] |= bool(len(driver.time)) and not np.isnan(driver.values).all()
         ends = (bits.values[:-1] == 1.0) & (bits.values[1:] != 1.0)
         if self._driven[command]:
@@ -133,12 +133,3 @@ class Obedience:
                     "the place of commands that drove nothing"
                 )
         return lines
-
-
-def _held(bits: Series, time: Array) -> Array:
-    """The newest bit at each time (n,), NaN if there is none or it is too old."""
-    if not len(bits.time):
-        return np.full(len(time), np.nan)
-    index = np.searchsorted(bits.time, time, side="right") - 1
-    safe = np.maximum(index, 0)
-    return np.where((index >= 0) & (time - bits.time[safe] <= GAP_S), bits.values[safe], np.nan)

@@ -70,23 +70,17 @@ def check_fit(recordings: Iterable[Recording], taken: Taken, name: str = "") -> 
 
 def distinct(bags: Sequence[Path]) -> dict[Path, str]:
     """A name for each bag: the shortest end of its path that no other bag's path ends with."""
-    ends = {bag: (*bag.resolve().parts[:-1], _own_name(bag)) for bag in bags}
-    places = {bag.resolve(): end for bag, end in ends.items()}
-    return {
-        bag: _name(bag, end, [other for place, other in places.items() if place != bag.resolve()])
-        for bag, end in ends.items()
+    places = {bag: bag.resolve() for bag in bags}
+    ends = {
+        place: (*place.parts[:-1], bag.stem if bag.is_file() else place.name) for bag, place in places.items()
     }
-
-
-def _own_name(bag: Path) -> str:
-    return bag.stem if bag.is_file() else bag.resolve().name
-
-
-def _name(bag: Path, end: tuple[str, ...], others: Sequence[tuple[str, ...]]) -> str:
-    for depth in range(1, len(end)):
-        if all(other[-depth:] != end[-depth:] for other in others):
-            return "/".join(end[-depth:])
-    return str(bag.resolve())  # a folder and a file next to it that differ in the file's suffix alone
+    found = {}
+    for bag, place in places.items():
+        end, others = ends[place], [other for known, other in ends.items() if known != place]
+        depths = (d for d in range(1, len(end)) if all(other[-d:] != end[-d:] for other in others))
+        depth = next(depths, 0)  # none of a folder and a file next to it that differ in the suffix alone
+        found[bag] = "/".join(end[-depth:]) if depth else str(place)
+    return found
 
 
 def _called(name: str, recordings: list[Recording]) -> list[Recording]:

@@ -75,6 +75,12 @@ _LINEAR: dict[str, dict[str, tuple[float, float]]] = {
         "permille": (0.001, 0.0),
     },
 }  # fmt: skip
+_CONFUSED = (("km/h", "m/s"), ("km/h", "mph"), ("mph", "m/s"), ("knot", "km/h"), ("knot", "m/s"))
+SPEED_RATIOS = {  # of a speed in one unit to the same in another, of units that are taken for one another
+    (one, other): _LINEAR["m/s"][other][0] / _LINEAR["m/s"][one][0]
+    for pair in _CONFUSED
+    for one, other in (pair, pair[::-1])
+}
 _ANGLES = {"deg": math.pi / 180, "°": math.pi / 180, "rad": 1.0}  # grade as an angle: slope is its tangent
 
 

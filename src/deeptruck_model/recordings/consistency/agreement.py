@@ -29,6 +29,7 @@ from deeptruck_model.recordings.interpolate import Series
 from deeptruck_model.recordings.ranges import Seen
 from deeptruck_model.recordings.recording import FROM_SPEED, Recording
 from deeptruck_model.recordings.tables.header_words import header
+from deeptruck_model.recordings.units import SPEED_RATIOS
 
 Array = NDArray[np.float64]
 
@@ -37,16 +38,7 @@ LENGTHS = {"m": 1.0, "km": 1000.0, "mi": 1609.344, "ft": 0.3048}
 OTHER_SPEED = "another speed"  # name of a second speed that is compared
 TRAVELLED = frozenset(("distance", "odometer", "trip", "total", "mileage"))
 NEAR_UNIT = 0.02  # relative, as tyres differ
-SPEEDS = {  # what speed is multiplied by where it is read so
-    3.6: "km/h read as m/s",
-    1 / 3.6: "m/s read as km/h",
-    2.2369: "mph read as m/s",
-    1 / 2.2369: "m/s read as mph",
-    1.6093: "km/h read as mph",
-    1 / 1.6093: "mph read as km/h",
-    1.9438: "knots read as m/s",
-    1 / 1.9438: "m/s read as knots",
-}
+SPEEDS = {ratio: f"{one} read as {other}" for (one, other), ratio in SPEED_RATIOS.items()}  # times too large
 ACCELEROMETERS = {  # the same, compared with an accelerometer that is read so
     1 / 9.80665: "an accelerometer in m/s^2 read as g",
     9.80665: "an accelerometer in g read as m/s^2",

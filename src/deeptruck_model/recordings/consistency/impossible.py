@@ -15,6 +15,7 @@ from deeptruck_core.account import moment
 from deeptruck_core.signals import CHANNELS
 from deeptruck_core.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S
+from deeptruck_model.recordings.units import SPEED_RATIOS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -48,10 +49,6 @@ FROZEN_RATE = 4.0  # m/s^2, at which the speed must have changed meanwhile
 PLACE_S, MOVED_M_S = 10.0, 3.0  # over which positions move by so much; receivers that stand drift by less
 ZERO_S = 8.0  # of zero in a row, in whose halves positions move on; receivers are late by less
 ZERO_SAMPLES, ZERO_SHARE = 10, 0.7  # on each side of a changed zero; of the jump that stays
-RATIOS = {
-    1 / 1.6093: "km/h to mph", 1.6093: "mph to km/h", 1 / 3.6: "km/h to m/s", 3.6: "m/s to km/h",
-    1 / 2.2369: "mph to m/s", 2.2369: "m/s to mph", 1 / 1.852: "km/h to knots", 1.852: "knots to km/h",
-}  # fmt: skip
 NEAR_RATIO = 0.015  # relative
 TENFOLD, TENFOLD_SHARE, TENFOLD_LEAST = 0.03, 0.04, 5  # of a decade; of the pairs, and the least of them
 MOST_JUMPS, LEAST_JUMPS = 0.02, 10  # of the steps that no truck makes; more are no speed
@@ -259,7 +256,8 @@ def changed_unit(time: Array, speed: Array) -> str:
         ratio = float(
             (after[0] - 0.5 * (after[1] - after[0])) / (before[-1] + 0.5 * (before[-1] - before[-2]))
         )
-        what = next((w for r, w in RATIOS.items() if abs(ratio / r - 1.0) < NEAR_RATIO), "")
+        near = (names for names, known in SPEED_RATIOS.items() if abs(ratio / known - 1.0) < NEAR_RATIO)
+        what = " to ".join(next(near, ())[::-1])
         if what and steps < step[k] / NOISE:
             return f"jumps from {v[k]:.4g} to {v[k + 1]:.4g} at {moment(t[k + 1])} and stays, as from {what}"
     return ""

@@ -61,7 +61,8 @@ def header(name: str, below: str = "") -> Header:
     if not unit:
         end = _LONG_ENDS.search(text)
         parts = [text[: end.start()], end[1]] if end else _ENDS.split(text.strip(), maxsplit=1)
-        if len(parts) == 2 and (found := _at_end(parts[1], name)):
+        single = len(parts) == 2 and len(parts[1]) == 1 and parts[1] not in "msgh%°CFK"  # means other things
+        if len(parts) == 2 and not single and (found := spelled(parts[1], name)):
             text, unit, stated = parts[0], found, f"'{parts[1]}' at the end of the header"
     named = _english(text)
     if not unit and (found_words := sorted(named & UNIT_WORDS.keys() - {"rpm"})):
@@ -91,11 +92,6 @@ def sibling(name: str, others: Iterable[str]) -> str:
 def _parted(name: str) -> str:
     """A name in lower case, its words in capitals parted by '_'."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
-
-
-def _at_end(text: str, name: str) -> str:
-    """A unit at the end of a name; single letters only if they rarely have another meaning."""
-    return spelled(text, name) if len(text) > 1 or text in "msgh%°CFK" else ""
 
 
 def spelled(text: str, name: str = "") -> str:

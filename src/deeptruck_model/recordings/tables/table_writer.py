@@ -12,7 +12,7 @@ from pyarrow import csv, parquet
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_core.formats import WRITTEN
-from deeptruck_core.signals import CHANNELS, TruckInterface
+from deeptruck_core.signals import CHANNELS
 from deeptruck_model.recordings.recording import Recording
 
 
@@ -47,22 +47,16 @@ def as_table(recordings: Sequence[Recording]) -> pa.Table:
     present = {name for r in recordings for name in r.channels}
     names = [*(n for n in CHANNELS if n in present), *sorted(present - set(CHANNELS))]
     fields = [pa.field("recording", pa.string()), pa.field("time", pa.float64(), metadata={"unit": "s"})]
-    units = [_unit(name, recordings[0].interface) for name in names]
+    units = [recordings[0].interface.unit(name) for name in names]
     fields += [pa.field(n, pa.float64(), metadata={"unit": u}) for n, u in zip(names, units, strict=True)]
     columns = [
         pa.array(np.repeat([r.name for r in recordings], [len(r) for r in recordings])),
         pa.array(np.concatenate([r.time for r in recordings])),
     ]
     columns += [
-        pa.array(np.concatenate([_channel(r, n) for r in recordings]), from_pandas=True) for n in names
+        pa.array(
+            np.concatenate([r.channels.get(n, np.full(len(r), np.nan)) for r in recordings]), from_pandas=True
+        )
+        for n in names
     ]
     return pa.table(columns, pa.schema(fields))
-
-
-def _channel(r: Recording, name: str) -> np.ndarray:
-    return r.channels.get(name, np.full(len(r), np.nan))
-
-
-def _unit(name: str, interface: TruckInterface) -> str:
-    own = {"engine_command": interface.engine_unit, "brake_command": interface.brake_unit}
-    return own.get(name) or (CHANNELS[name].unit if name in CHANNELS else "")
