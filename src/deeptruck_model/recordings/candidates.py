@@ -53,6 +53,9 @@ class Candidate:
     across: str = ""  # another field of which the norm is taken with this one
     guess: str = ""  # a unit to confirm, not proposed
     part: str = ""  # of a pedal that drives and brakes: see topic_map.PARTS
+    stated: str = ""  # by what its unit is known, where `why` does not say
+    units: tuple[str, ...] = ()  # that its numbers may be in, where that is undecided
+    counts: tuple[tuple[str, float], ...] = ()  # likewise, with scales
     follows: bool = False  # whether it was seen to change as the speed does
 
     @property
@@ -85,7 +88,8 @@ class Candidate:
         """The reason, and the range of values."""
         at = f" at {rate(self.topic)}" if self.topic else ""
         still = "; never changes here" if self.field.still else ""
-        return f"{self.why}; {span(self.field)}{at}{still}{self._beyond()}"
+        why = "; ".join(filter(None, (self.why, self.stated, span(self.field))))
+        return f"{why}{at}{still}{self._beyond()}"
 
     def _beyond(self) -> str:
         """A warning if the values in this unit are impossible for a truck; none for a vector, because the

@@ -5,7 +5,8 @@ range of the numbers or by agreement with other columns.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,54 +58,12 @@ _OF_OTHERS = {"metric": ("mph", "ft", "degF", "psi"), "imperial": ("km/h",)}  # 
 PLACE_WORDS = frozenset(("x", "pos", "position", "vehicle", "utm", "local", "odom", "map", "m", "easting"))
 
 
-@dataclass(frozen=True)
-class Meaning:
-    """The channel that a column may be, and its possible units."""
-
-    column: Column
-    channel: str
-    asked: frozenset[str]
-    place: int
-    role: Role
-    units: list[str]
-    said: str
-    scale: float = 1.0
-    offset: float = 0.0
-    part: str = ""
-    guess: str = ""
-    needs: str = ""
-    counts: tuple[tuple[str, float], ...] = ()  # units and scales that its numbers may be in
-
-    @property
-    def unit(self) -> str:
-        return self.units[0] if len(self.units) == 1 else ""
-
-    @property
-    def candidate(self) -> Candidate:
-        switch = self.channel in DEMANDS and {*np.unique(self.column.values[:LOOKED_AT])} == {0.0, 1.0}
-        return Candidate(
-            self.channel,
-            None,
-            Field.of(self.column.name, self.column.values),
-            "" if switch else self.unit,
-            f"'{' '.join(sorted(self.asked))}' in its name; {self.said}" if self.asked else self.said,
-            FIELD if self.column.header.unit else TOPIC,  # a unit that is stated is the surest
-            self.role,
-            self.scale,
-            self.offset,
-            self.place,
-            SWITCH if switch else self.needs,
-            guess=self.guess,
-            part=self.part,
-        )
-
-
-def meanings_of(table: Table) -> list[Meaning]:
+def meanings_of(table: Table) -> list[Candidate]:
     """What the columns of numbers may mean, each with its possible units; of a VBO file with those of its
     places."""
     columns, vbo = table.numeric, table.path.suffix.lower() == ".vbo"
     system = _system(table)
-    found = [meaning for column in columns for meaning in _of_column(column, system)]
+    found = [one for column in columns for one in _of_column(column, system)]
     found = [_of_vbo(one) for one in found] if vbo else found
     return _pedals_alike([*found, *_by_unit(columns, found)])
 
@@ -118,7 +77,7 @@ def _system(table: Table) -> str:
     return "" if metric == imperial else "metric" if metric else "imperial"
 
 
-def _of_column(column: Column, system: str) -> list[Meaning]:
+def _of_column(column: Column, system: str) -> list[Candidate]:
     """The first channel that matches the words of the header and can have its unit; both commands for one
     pedal that drives above zero and brakes below."""
     words, unit, values = column.header.words, column.header.unit, column.values
@@ -129,7 +88,7 @@ def _of_column(column: Column, system: str) -> list[Meaning]:
             channel = "engine_command"  # a torque in percent is what a demand is in
         if channel == "speed" and "wheel" in words and unit == "rpm":
             needs = "the rolling radius r of the wheel: scale is 0.1047 r, here for 0.5 m"
-            turns = Meaning(column, channel, named.asked, _LAST, Role.MEASURED, [], "turns of a wheel")
+            turns = _candidate(column, channel, named.asked, [], "turns of a wheel", place=_LAST)
             return [replace(turns, scale=0.05236, guess="m/s", needs=needs)]
         driven = channel == "gap" and (unit in ("km", "mi") or _grows(values))
         if driven or (unit and not fits(channel, unit)):
@@ -147,40 +106,54 @@ def _of_column(column: Column, system: str) -> list[Meaning]:
         role = Role.COMMANDED if words & COMMANDED else Role.MEASURED
         place = named.place + (1 if percent else 0)  # an output, behind the pedal that demands it
         place += _LAST if channel == "speed" and words & _SATELLITES else 0
-        one = Meaning(column, channel, named.asked, place, role, units, said)
         if channel in DEMANDS and words & _DRIVES and (values < -SIGNED * column.largest).mean() > RARE:
             says = f"{said}; one column that drives above zero and brakes below"
             units = [unit] if unit else units_by_range("engine_command", frozenset(), column.largest)
-            one, parts = replace(one, units=units), zip(DEMANDS, PARTS, strict=True)
-            return [replace(one, channel=command, said=says, part=part) for command, part in parts]
-        return [_of_counts(one)]
+            one = _candidate(column, channel, named.asked, units, says, place=place, role=role)
+            return [replace(one, channel=c, part=part) for c, part in zip(DEMANDS, PARTS, strict=True)]
+        one = _candidate(column, channel, named.asked, units, said, place=place, role=role)
+        one = _of_counts(one, column)
+        switch = channel in DEMANDS and {*np.unique(values[:LOOKED_AT])} == {0.0, 1.0}
+        return [replace(one, unit="", units=(), needs=SWITCH) if switch else one]
     return []
 
 
-def _of_vbo(one: Meaning) -> Meaning:
+def _candidate(
+    column: Column, channel: str, asked: frozenset[str], units: list[str], stated: str, **more: Any
+) -> Candidate:
+    """A column as a channel, by the words asked for; a unit that the header states is the surest."""
+    why = f"'{' '.join(sorted(asked))}' in its name" if asked else ""
+    sure, unit = FIELD if column.header.unit else TOPIC, units[0] if len(units) == 1 else ""
+    more |= {"stated": stated, "units": () if unit else tuple(units)}
+    return Candidate(channel, None, Field.of(column.name, column.values), unit, why, sure, **more)
+
+
+def _of_vbo(one: Candidate) -> Candidate:
     """Places of a VBO file are in minutes, and longitude is positive to the west."""
     if one.channel not in ("latitude", "longitude"):
         return one
     west = one.channel == "longitude"
     said = f"in minutes{', positive to the west,' if west else ''} as VBO files have it"
-    return replace(one, units=["arcmin"], scale=-1.0 if west else 1.0, said=said)
+    return replace(one, unit="arcmin", units=(), scale=-1.0 if west else 1.0, stated=said)
 
 
-def _of_counts(one: Meaning) -> Meaning:
-    """The meaning with the scale and offset of J1939, or of another logger, where the numbers are as on the
+def _of_counts(one: Candidate, column: Column) -> Candidate:
+    """The candidate with the scale and offset of J1939, or of another logger, where the numbers are as on the
     bus: proposed for a torque in percent, else asked for."""
-    low, most = float(np.nanmin(one.column.values)), one.column.largest
+    low, most = float(np.nanmin(column.values)), column.largest
     if one.channel == "engine_command" and one.unit in ("%", "percent"):
         zero, largest = RAW_TORQUE
-        if one.column.header.words & _TORQUE and zero < most <= largest and low > 0.5 * zero:
-            said = f"{one.said}; percent torque of J1939 without its offset, as more than {zero:g} % is none"
-            return replace(one, offset=-zero, said=said)
-    if one.units:
+        if column.header.words & _TORQUE and zero < most <= largest and low > 0.5 * zero:
+            said = (
+                f"{one.stated}; percent torque of J1939 without its offset, as more than {zero:g} % is none"
+            )
+            return replace(one, offset=-zero, stated=said)
+    if one.unit or one.units:
         return one
     fitting = [
         (unit, scale)
         for unit, scale in _COUNTS.get(one.channel, ())
-        if unit in units_by_range(one.channel, one.column.header.words, scale * most)
+        if unit in units_by_range(one.channel, column.header.words, scale * most)
     ]
     if not fitting:
         return one
@@ -190,25 +163,25 @@ def _of_counts(one: Meaning) -> Meaning:
     return replace(one, scale=scale, guess=unit, needs=needs, counts=tuple(fitting))
 
 
-def _pedals_alike(meanings: list[Meaning]) -> list[Meaning]:
-    """The meanings without the unit of a pedal that states none, where the other pedal is in counts."""
-    pedals = [one for one in meanings if one.channel in DEMANDS and not one.column.header.unit]
+def _pedals_alike(found: list[Candidate]) -> list[Candidate]:
+    """The candidates without the unit of a pedal that states none, where the other pedal is in counts."""
+    pedals = [one for one in found if one.channel in DEMANDS and one.sure == TOPIC]
     if not any(one.counts for one in pedals):
-        return meanings
+        return found
     needs = "a check: the other pedal is in counts; is this one in {}?"
     return [
-        replace(one, units=[], guess=one.unit, needs=needs.format(one.unit))
+        replace(one, unit="", guess=one.unit, needs=needs.format(one.unit))
         if one.unit and one in pedals
         else one
-        for one in meanings
+        for one in found
     ]
 
 
-def _by_unit(columns: list[Column], meanings: list[Meaning]) -> list[Meaning]:
+def _by_unit(columns: list[Column], known: list[Candidate]) -> list[Candidate]:
     """Channels that no header names, by the only column in a unit that nothing else on a truck has."""
     found = []
     for channel, units in _TELLING.items():
-        if any(one.channel == channel and one.role is Role.MEASURED for one in meanings):
+        if any(one.channel == channel and one.role is Role.MEASURED for one in known):
             continue
         none_of = (BY_WORDS[channel].none_of | COMMANDED | LEADER) - _AVERAGE
         few = [c for c in columns if c.header.unit in units and not c.header.words & none_of]
@@ -217,7 +190,7 @@ def _by_unit(columns: list[Column], meanings: list[Meaning]) -> list[Meaning]:
         if len(few) == 1 or across:
             unit = few[0].header.unit
             said = f"{'columns' if across else 'the only column'} in {unit}: check; by {few[0].header.stated}"
-            found.append(Meaning(few[0], channel, frozenset(), 0, Role.MEASURED, [unit], said))
+            found.append(_candidate(few[0], channel, frozenset(), [unit], said))
     return found
 
 
@@ -239,44 +212,43 @@ def _grows(values: Array) -> bool:
     return bool((steps >= 0.0).all() and (steps > 0.0).any())
 
 
-def compared(meanings: list[Meaning], clock: RowClock, table: Table) -> list[Meaning]:
-    """Meanings whose unit was undecided, with the one that agrees with columns of known units."""
+def compared(found: list[Candidate], clock: RowClock, table: Table) -> list[Candidate]:
+    """Candidates whose unit was undecided, with the one that agrees with columns of known units."""
     if clock.seconds is None:
-        return meanings
+        return found
     columns = table.numeric
     seconds, at = np.unique(clock.seconds, return_index=True)
     at = at[np.isfinite(seconds)]
     seconds = seconds[: len(at)]
-    travelled = {
-        c.name: [(plain(c.name), Series(seconds, c.values[at]))] for c in columns if metres_of(c.name)
-    }
+
+    def column(name: str) -> Series:
+        return Series(seconds, table[name].values[at])
+
+    travelled = {c.name: [(plain(c.name), column(c.name))] for c in columns if metres_of(c.name)}
     for name, axes in _on_a_plane(columns, at):
         for channel, axis in zip(("latitude", "longitude"), axes, strict=True):
             travelled.setdefault(channel, []).append((name, Series(seconds, axis)))
     for channel in ("speed", "acceleration", "speed", "grade"):  # each by those before
         known = dict(travelled)
-        for one in meanings:
+        for one in found:
             if one.unit and one.role is Role.MEASURED:
-                values = conversion(one.channel, one.unit)(one.column.values[at])
-                named = (plain(one.column.name), Series(seconds, values))
-                known[one.channel] = [named, *known.get(one.channel, [])]
-        for k, one in enumerate(meanings):
-            if one.channel != channel or len(one.units) == 1:
+                values = conversion(one.channel, one.unit)(column(one.field.path).values)
+                known[one.channel] = [(one.label, Series(seconds, values)), *known.get(one.channel, [])]
+        for k, one in enumerate(found):
+            if one.channel != channel or one.unit:
                 continue
             options = [(unit, 1.0) for unit in one.units] or list(one.counts)
-            unit, scale, why = unit_of(channel, options, Series(seconds, one.column.values[at]), known)
+            unit, scale, why = unit_of(channel, options, column(one.field.path), known)
             if unit:
-                said = f"no unit is stated, {why}: check"
-                meanings[k] = replace(one, units=[unit], scale=scale, said=said, guess="", needs="")
-    return [_beside_speed(one, meanings) for one in meanings]
+                stated = f"no unit is stated, {why}: check"
+                found[k] = replace(one, unit=unit, scale=scale, stated=stated, guess="", needs="")
+    speeds = {one.unit for one in found if one.channel == "speed" and one.unit}
+    return [_beside_speed(one, speeds) for one in found]
 
 
-def _beside_speed(one: Meaning, meanings: list[Meaning]) -> Meaning:
+def _beside_speed(one: Candidate, speeds: set[str]) -> Candidate:
     """A height of no stated unit in the system of units of the speed."""
-    speeds = {other.unit for other in meanings if other.channel == "speed" and other.unit}
-    if one.channel != "elevation" or len(one.units) < 2 or len(speeds) != 1:
+    if one.channel != "elevation" or not one.units or len(speeds) != 1:
         return one
     unit = "ft" if speeds == {"mph"} else "m"
-    return replace(
-        one, units=[unit], said=f"no unit is stated, {unit} beside a speed in {speeds.pop()}: check"
-    )
+    return replace(one, unit=unit, stated=f"no unit is stated, {unit} beside a speed in {min(speeds)}: check")

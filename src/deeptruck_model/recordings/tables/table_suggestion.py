@@ -167,12 +167,12 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
     speeds = [one for one in meanings if one.channel == "speed"]
     clock = find_clock(
         table.take(np.arange(min(len(table), LOOKED_AT))),
-        [one.column.values[:LOOKED_AT] for one in speeds],
+        [table[one.field.path].values[:LOOKED_AT] for one in speeds],
         any(one.unit for one in speeds),
     )
-    meanings = compared([one for one in meanings if one.column.name not in clock.columns], clock, table)
-    fullest = sorted(meanings, key=lambda one: -round(one.column.filled, 1))
-    candidates, commanded = by_channel(one.candidate for one in fullest)
+    meanings = compared([one for one in meanings if one.field.path not in clock.columns], clock, table)
+    fullest = sorted(meanings, key=lambda one: -round(table[one.field.path].filled, 1))
+    candidates, commanded = by_channel(fullest)
     found = TableSuggestion(candidates, commanded, table, form, clock, key, pivot)
     seconds, at = np.unique(clock.seconds if clock.seconds is not None else np.zeros(0), return_index=True)
     at = at[np.isfinite(seconds)]
