@@ -39,6 +39,7 @@ deeptruck_core.pages: document style | deeptruck_model/compare/test_comparison.p
 deeptruck_model.recordings: bag_file bag_storage | deeptruck_model/recordings/test_bad_bags.py
 deeptruck_model.recordings: mcap_chunks message_definitions | deeptruck_model/recordings/test_bad_bags.py
 deeptruck_model.recordings: interpolate | deeptruck_model/recordings/test_resample.py
+deeptruck_model.recordings: schemas | test_schemas.py
 deeptruck_model.recordings.consistency: proposals | deeptruck_model/recordings/tables/test_table_suggestion.py
 deeptruck_model.recordings.consistency: windows | deeptruck_model/recordings/consistency/test_sensors.py
 deeptruck_model.recordings.tables: samples | deeptruck_model/recordings/test_importing.py

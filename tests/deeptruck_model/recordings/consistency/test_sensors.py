@@ -26,12 +26,12 @@ from deeptruck_model.trucks import driving_cycles
 
 ACCELERATION = {"column": "a", "unit": "m/s^2"}
 INTERFACE = TruckInterface("truck", "percent", "percent")
+T = 0.1 * np.arange(3000)
+V, A = speed(T), np.gradient(speed(T), T)
 
 
 def recording(**channels: Any) -> Recording:
-    t = 0.1 * np.arange(3000)
-    v = speed(t)
-    known = {"speed": v, "acceleration": np.gradient(v, t), **channels}
+    known = {"speed": V, "acceleration": A, **channels}
     return Recording("drive", 0.1, {c: np.asarray(x, float) for c, x in known.items()}, INTERFACE)
 
 
@@ -40,9 +40,8 @@ def said(**channels: Any) -> list[str]:
 
 
 def test_a_sound_drive_is_not_doubted() -> None:
-    t = 0.1 * np.arange(3000)
     noise = np.random.default_rng(0).normal(0, 0.1, 3000)
-    assert said(acceleration=np.gradient(speed(t), t) + noise) == []
+    assert said(acceleration=A + noise) == []
 
 
 @pytest.mark.parametrize(
@@ -50,11 +49,10 @@ def test_a_sound_drive_is_not_doubted() -> None:
     [(-1.0, "has the wrong sign"), (9.80665, "m/s^2 read as g"), (0.102, "g read as m/s^2")],
 )
 def test_sign_and_scale_of_an_accelerometer(factor: float, wrong: str) -> None:
-    t = 0.1 * np.arange(3000)
-    (line,) = said(acceleration=factor * np.gradient(speed(t), t))
+    (line,) = said(acceleration=factor * A)
     assert wrong in line
     with pytest.raises(InputError, match="derivative of speed"):
-        sensors.refuse([recording(acceleration=factor * np.gradient(speed(t), t))])
+        sensors.refuse([recording(acceleration=factor * A)])
 
 
 def test_another_axis_stands_still_or_does_not_follow() -> None:
@@ -97,9 +95,8 @@ def test_sign_and_factor_of_a_slope_are_seen_in_the_motion(read: Any, says: str)
 
 
 def test_tilt_and_gravity_are_found_by_the_grade() -> None:
-    t = 0.1 * np.arange(3000)
-    grade, tilt = 0.04 * np.sin(t / 23), np.radians(2.0)
-    felt = np.gradient(speed(t), t) * np.cos(tilt) + 9.80665 * np.sin(np.arctan(grade) + tilt)
+    grade, tilt = 0.04 * np.sin(T / 23), np.radians(2.0)
+    felt = A * np.cos(tilt) + 9.80665 * np.sin(np.arctan(grade) + tilt)
     found = accelerometer.accelerometer([recording(acceleration=felt, grade=grade)])
     assert found is not None
     assert found.gravity == pytest.approx(1.0, abs=0.02)
@@ -112,8 +109,7 @@ def test_tilt_and_gravity_are_found_by_the_grade() -> None:
 
 
 def test_a_clipped_accelerometer_is_reported() -> None:
-    t = 0.1 * np.arange(3000)
-    felt = np.clip(np.gradient(speed(t), t), -0.7, 0.7)
+    felt = np.clip(A, -0.7, 0.7)
     assert any("its range is too small" in line for line in said(specific_force=felt))
     (line,) = said(specific_force=np.clip(felt, -0.25, 0.25))  # which makes it half of dv/dt
     assert "its range is too small" in line
@@ -145,33 +141,29 @@ def test_an_acceleration_that_was_derived_is_no_accelerometer() -> None:
 
 
 def test_speed_is_held_against_places() -> None:
-    t = 0.1 * np.arange(3000)
-    north = np.cumsum(speed(t)) * 0.1 / 111_195.0
+    north = np.cumsum(V) * 0.1 / 111_195.0
     assert said(latitude=50 + north, longitude=np.full(3000, 8.0)) == []
     for half in (False, True):  # in steps of 0.001 degrees, 111 m, positions give no speed
         coarse = np.round(50 + (0.5 if half else 1.0) * north, 3)
         assert said(latitude=coarse, longitude=np.full(3000, 8.0)) == []
-    lines = said(speed=1.609344 * speed(t), acceleration=1.609344 * np.gradient(speed(t), t),
+    lines = said(speed=1.609344 * V, acceleration=1.609344 * A,
                    latitude=50 + north, longitude=np.full(3000, 8.0))  # fmt: skip
     assert "km/h read as mph" in lines[0]
 
 
 def test_speed_is_held_against_a_distance_of_a_user() -> None:
-    t = 0.1 * np.arange(3000)
-    km = 52_000.0 + np.cumsum(speed(t)) * 1e-4
+    km = 52_000.0 + np.cumsum(V) * 1e-4
     assert said(odometer_km=km, distance_to_leader_m=1000.0 * km) == []
-    lines = said(speed=1.609344 * speed(t), acceleration=1.609344 * np.gradient(speed(t), t), odometer_km=km)
+    lines = said(speed=1.609344 * V, acceleration=1.609344 * A, odometer_km=km)
     assert "km/h read as mph" in lines[0] and "leave 'odometer_km' out" in lines[0]
 
 
 def test_engine_speed_turns_in_ratios_of_gears() -> None:
-    t = 0.1 * np.arange(3000)
-    v = speed(t)
-    ratios = np.where(v < 12.0, 14.0, np.where(v < 18.0, 9.0, 6.0))
-    assert said(engine_speed=ratios * v) == []
-    lines = said(speed=3.6 * v, acceleration=3.6 * np.gradient(v, t), engine_speed=6.0 * v)
+    ratios = np.where(V < 12.0, 14.0, np.where(V < 18.0, 9.0, 6.0))
+    assert said(engine_speed=ratios * V) == []
+    lines = said(speed=3.6 * V, acceleration=3.6 * A, engine_speed=6.0 * V)
     assert "too few for any gear: give speed and" in lines[0]
-    drifting = 6.0 * v * np.exp(np.linspace(0.0, 2.0, 3000))
+    drifting = 6.0 * V * np.exp(np.linspace(0.0, 2.0, 3000))
     assert "another clock (late_s)" in said(engine_speed=drifting)[0]
 
 
@@ -186,21 +178,18 @@ def test_minus_one_percent_is_no_value_where_it_is_jumped_to() -> None:
 
 
 def test_grade_is_held_against_height() -> None:
-    t = 0.1 * np.arange(3000)
-    grade = 0.04 * np.sin(t / 23)
-    height = 200 + np.cumsum(grade * speed(t)) * 0.1
+    grade = 0.04 * np.sin(T / 23)
+    height = 200 + np.cumsum(grade * V) * 0.1
     assert said(grade=grade, elevation=height) == []
     assert "scale: -1" in said(grade=-grade, elevation=height)[0]
     assert "ratio, percent, deg" in said(grade=0.01 * grade, elevation=height)[0]
 
 
 def test_pedals_that_are_swapped_pressed_together_or_in_bar() -> None:
-    t = 0.1 * np.arange(3000)
-    a = np.gradient(speed(t), t)
-    gas, brake = np.clip(40 * a, 0, 90), np.clip(-40 * a, 0, 90)
+    gas, brake = np.clip(40 * A, 0, 90), np.clip(-40 * A, 0, 90)
     assert said(engine_command=gas, brake_command=brake) == []
     assert "are the two swapped?" in said(engine_command=brake, brake_command=gas)[0]
-    (turned,) = said(engine_command=gas, brake_command=brake, acceleration=-a)
+    (turned,) = said(engine_command=gas, brake_command=brake, acceleration=-A)
     assert "acceleration has the wrong sign" in turned
     assert "are both above half" in said(engine_command=gas, brake_command=gas)[0]
     small = said(engine_command=gas / 90, brake_command=brake / 90)
