@@ -173,6 +173,11 @@ def of(path: Path | str) -> Iterator[None]:
         raise InputError(said if str(path) in said else f"{path}: {said}") from None
 
 
+def why(error: BaseException, longest: int = LONGEST) -> str:
+    """The message of a library's error as plain text, or its name if it has none."""
+    return plain(str(error), longest) or type(error).__name__
+
+
 def plain(said: str, longest: int = LONGEST) -> str:
     """A library's message as one line without control characters, shortened if it is long."""
     line = " ".join("".join(c if c.isprintable() else " " for c in said).split())

@@ -97,7 +97,7 @@ class BagSource:
             cure = f"one whose end is missing is repaired by 'rosbag reindex {self.path.name}' of ROS 1"
         elif self.path.is_file():
             cure = "a table or CAN log needs 'deeptruck-model import'"
-        return InputError(f"{self.path} cannot be read as a bag ({_one_line(error)}); {cure}")
+        return InputError(f"{self.path} cannot be read as a bag ({reading.why(error)}); {cure}")
 
     def _check_path(self) -> None:
         """Raises InputError if the path cannot be a bag; pipes and devices are not opened."""
@@ -250,7 +250,7 @@ class BagSource:
 
     def _damaged(self, error: Exception) -> InputError:
         return InputError(
-            f"{self.path} is damaged: {_one_line(error)}; copy it anew from where it was recorded, "
+            f"{self.path} is damaged: {reading.why(error)}; copy it anew from where it was recorded, "
             "or leave it out"
         )
 
@@ -278,9 +278,4 @@ def _from_json(path: Path, key: str, text: Any) -> Any:
     try:
         return json.loads(text)
     except (ValueError, TypeError, RecursionError) as error:
-        raise InputError(f"{path}: its {key} is not JSON ({_one_line(error)}); copy it anew") from None
-
-
-def _one_line(error: BaseException) -> str:
-    """A library's message, shortened to one plain line."""
-    return reading.plain(str(error)) or type(error).__name__
+        raise InputError(f"{path}: its {key} is not JSON ({reading.why(error)}); copy it anew") from None

@@ -96,7 +96,8 @@ def _read(
     path = source.path
     with source as bag:
         stored = bag.custom_data()
-        sources = sources if asked else {**sources, **_extra(stored)}
+        extra = () if asked else _texts(stored, EXTRA_KEY)  # channels under names of the user's
+        sources = {**sources, **{c: Source(EXTRA_TOPIC, f"position[name={c}]") for c in extra}}
         _check_topics(bag, sources, asked=asked)
         name = path.stem if path.is_file() else path.resolve().name
         account = Account(str(path), "messages")
@@ -112,7 +113,7 @@ def _read(
         _feed(bag, sources, resampler, clocks, obedience, account)
         account.remarks += obedience.remarks()
         account.remarks += clocks.remarks(path, sources["speed"].topic)
-        notes = [*_stored_notes(stored), *_repairs(account)]
+        notes = [*_texts(stored, NOTES_KEY), *_repairs(account)]
         account.remarks += bag.not_mapped({source.topic for source in sources.values()})
     if "speed" not in resampler.measured:
         raise InputError(
@@ -344,16 +345,10 @@ def _repairs(account: Account) -> list[str]:
     return [*(line.strip() for line in reasons if _NO_NUMBER not in line), *account.remarks]
 
 
-def _extra(stored: dict[str, object]) -> dict[str, Source]:
-    """User-defined channels of a bag."""
-    names = stored.get(EXTRA_KEY, [])
-    known = names if isinstance(names, list) else []
-    return {str(name): Source(EXTRA_TOPIC, f"position[name={name}]") for name in known}
-
-
-def _stored_notes(stored: dict[str, object]) -> list[str]:
-    notes = stored.get(NOTES_KEY, [])
-    return [str(note) for note in notes] if isinstance(notes, list) else []
+def _texts(stored: dict[str, object], key: str) -> list[str]:
+    """The list of texts that a bag has under a key."""
+    found = stored.get(key, [])
+    return [str(text) for text in found] if isinstance(found, list) else []
 
 
 def _interface(

@@ -23,6 +23,7 @@ from mcap.records import Channel, Chunk, ChunkIndex, Schema
 from mcap.summary import Summary
 from numpy.typing import NDArray
 
+from deeptruck_core.reading import why
 from deeptruck_model.recordings.bag_file import RECORD_HEAD, DamagedError
 
 _MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
@@ -270,11 +271,6 @@ def _check_entries(data: bytes, channel: int, entries: NDArray[np.void], index: 
         )
     if not fine:
         raise DamagedError(f"the message index of its chunk at byte {index.chunk_start_offset} does not fit")
-
-
-def why(error: BaseException) -> str:
-    """The message of an error, in one line."""
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 class _Group:

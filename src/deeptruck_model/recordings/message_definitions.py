@@ -36,7 +36,7 @@ class Definitions:
             try:
                 self.types |= _parsed(connection)
             except Exception as error:  # the parsers raise whatever a text leads them to
-                self.unreadable[name] = reading.plain(str(error), 120) or type(error).__name__
+                self.unreadable[name] = reading.why(error, 120)
         common = typestore().fielddefs
         if not ros1:
             empty = common["std_msgs/msg/Empty"][1]  # CDR has no structure without members

@@ -244,7 +244,8 @@ class Resampler:
         """The account with spans and channels, from the samples added here."""
         account = self._account or Account(self.name, "samples")
         account.spans = [(piece.start, piece.end) for piece in self._pieces]
-        for channel in sorted(self._tallies, key=_usual_order):
+        usual = {channel: k for k, channel in enumerate(CHANNELS)}
+        for channel in sorted(self._tallies, key=lambda c: (usual.get(c, len(usual)), c)):
             own, tally = self._tallies[channel], account.channels.setdefault(channel, Tally())
             tally.read, tally.used = tally.read or own.read, own.used
             for reason, entry in own.aside.items():
@@ -401,12 +402,6 @@ def one_per_burst(channel: str, time: Array, values: Array) -> tuple[Array, Arra
     with np.errstate(invalid="ignore"):
         means = sums / np.add.reduceat(known.astype(float), starts)
     return np.add.reduceat(time, starts) / sizes, means
-
-
-def _usual_order(channel: str) -> tuple[int, str]:
-    """Sort key: the order of CHANNELS, then user-defined channels."""
-    order = list(CHANNELS)
-    return (order.index(channel) if channel in CHANNELS else len(order), channel)
 
 
 def count_derived(

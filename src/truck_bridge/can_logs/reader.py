@@ -18,7 +18,7 @@ import can
 
 from deeptruck_core.account import Account
 from deeptruck_core.formats import FORMATS, KINDS, PACKED, format_of
-from deeptruck_core.reading import plain
+from deeptruck_core.reading import plain, why
 from truck_bridge import log_files
 from truck_bridge.can_logs import text_logs
 from truck_bridge.can_logs.frames import Frame, Kind, of_message
@@ -129,7 +129,7 @@ def _of_file(path: Path, file: Path, account: Account) -> Iterator[Frame]:
     except InputError as error:
         raise InputError(str(error).replace(str(file), str(path))) from None
     except Exception as error:  # each of python-can's readers fails in its own way on a damaged file
-        text = plain(str(error)) or type(error).__name__
+        text = why(error)
         raise InputError(f"{path} cannot be read as a CAN log ({text}); known are {KINDS}") from None
 
 

@@ -18,6 +18,7 @@ from deeptruck_model.recordings.consistency.windows import (
     SLOW_S,
     WINDOW_S,
     Doubt,
+    joined,
     late,
     windows,
 )
@@ -70,8 +71,7 @@ def accelerometer(recordings: Sequence[Recording], channel: str = "acceleration"
     correlation = float(np.corrcoef(d, left)[0, 1]) if left.std() > 0.0 else 0.0
     return Accelerometer(
         float(fit[0]), float(fit[1]), float(fit[2]) if hilly else np.nan, correlation,
-        float(np.nanstd(np.concatenate([r.channels[channel] for r in recordings if channel in r.channels]))
-              / d.std()),
+        float(np.nanstd(joined(recordings, channel)) / d.std()),
     )  # fmt: skip
 
 
@@ -178,7 +178,7 @@ def _doubts(recordings: Sequence[Recording], name: str) -> Iterator[Doubt]:
 
 def _clipped(recordings: Sequence[Recording], name: str, found: Accelerometer) -> str | None:
     """That an accelerometer is at an end of its range for some time; None if it is not."""
-    reading = np.concatenate([r.channels[name] for r in recordings])
+    reading = joined(recordings, name)
     reading = reading[np.isfinite(reading)]
     for end in (reading.min(), reading.max()) if len(reading) else ():
         if (share := float(np.mean(reading == end))) > CLIPPED and abs(end) > abs(found.offset) + 2 * VARIED:

@@ -92,10 +92,8 @@ def misfit(stated: Sequence[float], recordings: Sequence[Recording]) -> Misfit |
 
 def _share(seen: Array, stated: Array) -> float:
     """Share of the logarithms `seen` within NEAR of one of `stated`."""
-    ordered = np.sort(stated)
-    place = np.clip(np.searchsorted(ordered, seen), 1, len(ordered) - 1) if len(ordered) > 1 else None
-    if place is None:
-        return float(np.mean(np.abs(seen - ordered[0]) < NEAR))
+    ordered = np.concatenate([[-np.inf], np.sort(stated), [np.inf]])
+    place = np.searchsorted(ordered, seen)
     off = np.minimum(np.abs(seen - ordered[place - 1]), np.abs(seen - ordered[place]))
     return float(np.mean(off < NEAR))
 

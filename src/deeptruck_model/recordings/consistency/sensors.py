@@ -20,7 +20,7 @@ from deeptruck_model.recordings.consistency.impossible import (
     changed_unit,
     impossible_steps,
 )
-from deeptruck_model.recordings.consistency.windows import MOVING_M_S, Doubt
+from deeptruck_model.recordings.consistency.windows import MOVING_M_S, Doubt, joined
 from deeptruck_model.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -162,14 +162,8 @@ def _ratios(recordings: Sequence[Recording]) -> Iterator[Doubt]:
 def _commands(recordings: Sequence[Recording]) -> Iterator[Doubt]:
     """Doubts for ratios read as percent, both pedals at once, swapped pedals, and too much brake pressure."""
     has = [r for r in recordings if {"engine_command", "brake_command"} <= set(r.channels)]
-    engine, brake = (
-        np.concatenate([np.zeros(0), *(r.channels[name] for r in has)])
-        for name in ("engine_command", "brake_command")
-    )
-    speed = np.concatenate([np.zeros(0), *(r.channels["speed"] for r in recordings)])
-    pulled = np.concatenate(
-        [np.zeros(0), *(r.channels["engine_command"] for r in recordings if "engine_command" in r.channels)]
-    )
+    engine, brake = joined(has, "engine_command"), joined(has, "brake_command")
+    speed, pulled = joined(recordings, "speed"), joined(recordings, "engine_command")
     if len(speed) and len(pulled) and not np.nanmax(speed, initial=0.0) > 0.0:
         most = float(np.nanmax(pulled, initial=0.0))
         unit = recordings[0].interface.engine_unit
@@ -221,7 +215,7 @@ def _rising(r: Recording) -> Array:
 
 
 def _fastest(recordings: Sequence[Recording]) -> Iterator[Doubt]:
-    speed = np.concatenate([np.zeros(0), *(r.channels["speed"] for r in recordings)])
+    speed = joined(recordings, "speed")
     speed = speed[np.isfinite(speed)]
     kind = recordings[0].interface.vehicle if recordings else None
     if kind in (None, "truck", "bus") and len(speed) and np.quantile(speed, 0.99) > FASTEST_TRUCK:

@@ -30,6 +30,12 @@ class Doubt:
     factor: float = 1.0
 
 
+def joined(recordings: Sequence[Recording], channel: str) -> Array:
+    """The samples of a channel, (n,), of all recordings that have it."""
+    found = [r.channels[channel] for r in recordings if channel in r.channels]
+    return np.concatenate([np.zeros(0), *found])
+
+
 def windows(recordings: Sequence[Recording], window_s: float, rising: str, *others: str) -> list[Array]:
     """The rate of change of a channel over non-overlapping windows, and the means of other channels
     in them."""
