@@ -247,6 +247,8 @@ def test_links_lead_somewhere(page: Path) -> None:
         path, _, anchor = target.partition("#")
         found = (page.parent / path).resolve() if path else page
         assert found.is_file(), f"{page.name}: {target}"
+        inside = not page.is_relative_to(DOCS) or found.suffix != ".md" or found.is_relative_to(DOCS)
+        assert inside, f"{page.name}: {target} is no page of the site"
         assert not anchor or anchor in anchors(found), f"{page.name}: {target}"
 
 
