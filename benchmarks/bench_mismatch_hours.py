@@ -19,15 +19,13 @@ from dataclasses import replace
 
 import harness
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from deeptruck_core.arrays import Array
 from deeptruck_model import trucks
 from deeptruck_model.mismatch import find_mismatch
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import driving_cycles
-
-Array = NDArray[np.float64]
 
 DRIVE_S = 600.0
 HELD_OUT = 6  # one of so many drives

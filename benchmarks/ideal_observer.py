@@ -16,14 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam.cases.build import DT
 from deeptruck_model.mismatch.posterior.kernels import Kernel
 from deeptruck_model.mismatch.posterior.names import Compared
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, Reduced, State, most_probable
 from deeptruck_model.mismatch.residual.evidence import Grid
-
-Array = NDArray[np.float64]
 
 AHEAD = 3.0  # evidence temperatures
 TRUE = "the true force"

@@ -12,10 +12,9 @@ from deeptruck_cacc.controllers.law import LEAST_SPEED, Law, Perception, Seen
 from deeptruck_cacc.controllers.mpc import mpc
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import Observation
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
-
-Array = NDArray[np.float64]
 
 
 def acc(seen: Seen) -> Array:

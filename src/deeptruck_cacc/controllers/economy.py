@@ -18,9 +18,9 @@ from deeptruck_cacc.controllers.law import Seen
 from deeptruck_cacc.controllers.policy import TYPICAL, Observation
 from deeptruck_cacc.controllers.road_ahead import AHEAD, AHEAD_M
 from deeptruck_cacc.controllers.signed_pedal import SignedPedal
+from deeptruck_core.arrays import Array
 from deeptruck_core.imports.compiler import numba
 
-Array = NDArray[np.float64]
 compiled: Any = numba.njit(cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")
 
 # Columns of a situation: m/s, m/s, s, s, s, s, cm^3/s, m/s^2, cm^3 for a m/s, 1 behind a leader and 0 without

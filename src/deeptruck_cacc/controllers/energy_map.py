@@ -6,17 +6,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.controllers.signed_pedal import pedal_commands
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import ROUNDED_GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_core.imports.compiler import numba
 from deeptruck_core.signals import ACCELERATION, FUEL, SPEED
 from deeptruck_model.simulators import Simulator
-
-Array = NDArray[np.float64]
 
 SPEEDS: Array = np.arange(3.0, 33.5, 1.0, dtype=float)  # m/s
 GRADES: Array = np.arange(-0.08, 0.085, 0.02, dtype=float)  # rise over run

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import onnx
-from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from deeptruck_cacc.controllers.onnx_policy import FACTS
@@ -31,9 +30,8 @@ from deeptruck_cacc.controllers.scaling import (
     FeatureMap,
 )
 from deeptruck_core import files
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import ROUNDED_GRAVITY
-
-Array = NDArray[np.float64]
 
 
 class _Graph:

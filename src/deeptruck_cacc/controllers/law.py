@@ -6,12 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.policy import Observation
 from deeptruck_cacc.controllers.scaling import ACCELERATION_UNIT, FeatureMap, observed
-
-Array = NDArray[np.float64]
+from deeptruck_core.arrays import Array
 
 LEADER_S = 2.0  # time constant with which the leader's acceleration is expected to die away
 LEAST_SPEED = 0.5  # m/s, as which less counts in a time gap, which nothing defines at standstill

@@ -10,11 +10,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.law import LEAST_GAP_M, Seen
-
-Array = NDArray[np.float64]
+from deeptruck_core.arrays import Array
 
 STEPS, STEP_S = 10, 0.5
 LIMITS = (-3.5, 1.5)  # m/s^2

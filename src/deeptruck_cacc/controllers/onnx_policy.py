@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from deeptruck_cacc.controllers.policy import TYPICAL, Observation
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, observed
 from deeptruck_core import reading
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
-
-Array = NDArray[np.float64]
 
 SUFFIX, FACTS = ".onnx", "deeptruck"  # of the file; of the metadata that say what its numbers mean
 COMMANDS, MEMORY = ("engine_command", "brake_command"), "memory"

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import ROUNDED_GRAVITY
 from deeptruck_core.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,8 @@ from deeptruck_cacc.controllers.approach import approach
 from deeptruck_cacc.controllers.law import LEAST_GAP_M, Seen
 from deeptruck_cacc.controllers.policy import TYPICAL, Observation
 from deeptruck_cacc.controllers.signed_pedal import SignedPedal, pedal_commands
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import SPEED
-
-Array = NDArray[np.float64]
 
 HORIZON_S = 4.0  # long enough for a downshift of a second without torque to pay
 KNOTS_S = np.array([0.0, 0.2, 0.5, 1.0, 2.0, 4.0])  # the plan is straight between them

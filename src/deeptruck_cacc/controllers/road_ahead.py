@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
-
-Array = NDArray[np.float64]
 
 AHEAD_M = 25.0  # m between the grades of an observation's `grade_ahead`
 AHEAD = 81  # of them: from here to 2 km ahead

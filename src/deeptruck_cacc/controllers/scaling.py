@@ -8,15 +8,13 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.approach import approach
 from deeptruck_cacc.controllers.radar_filter import RadarFilter
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import ROUNDED_GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
-
-Array = NDArray[np.float64]
 
 OBSERVED = ("leader_speed", "speed", "gap", "target_time_gap", "grade")  # keys of an observation
 

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from deeptruck_cacc.controllers.law import Perception, Seen
 from deeptruck_cacc.controllers.policy import Observation
 from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.simulators import Simulator
-
-Array = NDArray[np.float64]
 
 
 @dataclass

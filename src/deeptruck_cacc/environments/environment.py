@@ -11,11 +11,10 @@ from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.reward import Reward
 from deeptruck_cacc.environments.scenes import Drawer, Scene
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, FUEL, SPEED
 from deeptruck_model.simulators import Simulator
-
-Array = NDArray[np.float64]
 
 PATH = 800  # steps of a path in the paper
 

@@ -8,12 +8,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_cacc.environments.scenes import Drawer, Scene, graded, moving, paper, rolling_road, wide
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 def settled(batch: int, steps: int, speed: float | Array, time_gap: float) -> Scene:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.policy import Policy
 from deeptruck_cacc.environments.environment import CaccEnv
 from deeptruck_cacc.environments.scenes import Scene
+from deeptruck_core.arrays import Array
 from deeptruck_model.simulators import Simulator
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

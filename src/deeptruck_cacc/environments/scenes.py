@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.road_ahead import Road
+from deeptruck_core.arrays import Array
 
-Array = NDArray[np.float64]
 Drawer = Callable[[np.random.Generator, int, int, float], "Scene"]
 
 LATE_S = 0.2  # what a bus and the controllers behind it take at most

@@ -11,11 +11,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_cacc.evaluation.metrics import EACH
-
-Array = NDArray[np.float64]
+from deeptruck_core.arrays import Array
 
 DRAWS = 2000  # of the bootstrap
 LEVEL = 0.95

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.environments.rollouts import Trace
 from deeptruck_cacc.environments.scenes import Scene
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import ROUNDED_GRAVITY
-
-Array = NDArray[np.float64]
 
 EACH = "time_gap_worst_each_within_reach"  # s, a number for each rollout
 

@@ -6,15 +6,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.policy import Policy
 from deeptruck_cacc.environments.hard_scenes import settled
 from deeptruck_cacc.environments.rollouts import Trace, roll_out
 from deeptruck_cacc.environments.scenes import Scene
+from deeptruck_core.arrays import Array
 from deeptruck_model.simulators import Simulator
 
-Array = NDArray[np.float64]
 FREQUENCIES = np.geomspace(0.01, 0.5, 12)
 
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import ROUNDED_GRAVITY
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.safety.assumptions import Assumptions
-
-Array = NDArray[np.float64]
+from deeptruck_core.arrays import Array
 
 
 @dataclass

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.approach import cruise
 from deeptruck_cacc.controllers.baselines import baseline
@@ -23,11 +22,9 @@ from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.shield import Shield
 from deeptruck_cacc.safety.track import Tracker
 from deeptruck_cacc.safety.truck_limits import STEEPEST, known, measure
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model import simulators
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 def _array(value: Any) -> Array:
@@ -49,7 +46,7 @@ class LastSeen:
     jump_speed: float = 1.0  # m/s, from one reading to the next
     fastest: float = 12.0  # m/s^2, by which a speed changes
     speed: Array = field(default_factory=lambda: np.zeros(0))  # as received, else NaN
-    silent: Flags = field(default_factory=lambda: np.zeros(0, bool))  # speed: for longer, or never received
+    silent: Mask = field(default_factory=lambda: np.zeros(0, bool))  # speed: for longer, or never received
     _last: dict[str, Array] = field(default_factory=dict, repr=False)
     _waited: Array = field(default_factory=lambda: np.zeros(0), repr=False)
 
@@ -91,8 +88,8 @@ class Guard:
     coverage: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     standstill_m: float = 6.0
     set_speed: float = math.inf  # m/s, faster than which nobody is followed
-    acted: Flags = field(default_factory=lambda: np.zeros(0, bool))
-    fallback_drives: Flags = field(default_factory=lambda: np.zeros(0, bool))
+    acted: Mask = field(default_factory=lambda: np.zeros(0, bool))
+    fallback_drives: Mask = field(default_factory=lambda: np.zeros(0, bool))
     _tracker: Tracker = field(init=False, repr=False)
     _last_seen: LastSeen = field(init=False, repr=False)
     _away: Array | None = field(default=None, repr=False)
@@ -137,18 +134,18 @@ class Guard:
         return np.ones(batch) if self.shield is None else self.shield.brakes.gain_of(batch)
 
     @property
-    def brakes_failed(self) -> Flags:
+    def brakes_failed(self) -> Mask:
         """Where the brakes give so little of it that nobody may rely on them, (batch,)."""
         batch = len(self.unseen_s)
         return np.zeros(batch, bool) if self.shield is None else self.shield.brakes.failed
 
     @property
-    def radar_is_frozen(self) -> Flags:
+    def radar_is_frozen(self) -> Mask:
         """Where a noisy radar has repeated a reading for so long that it is frozen, (batch,)."""
         return self._tracker.frozen
 
     @property
-    def speed_is_silent(self) -> Flags:
+    def speed_is_silent(self) -> Mask:
         """Where the truck's own speed has been missing for over a second."""
         return self._last_seen.silent
 
@@ -230,7 +227,7 @@ class Guard:
             given[name] = np.where(given[name] > 0, given[name], np.nan)
         return dict(zip(given, np.broadcast_arrays(*given.values()), strict=True))
 
-    def _filled(self, raw: Mapping[str, Array]) -> tuple[dict[str, Array], Flags]:
+    def _filled(self, raw: Mapping[str, Array]) -> tuple[dict[str, Array], Mask]:
         """The signals with all NaN replaced, and where too few are known to drive."""
         seen = self._tracker(self._last_seen(raw))
         unknown = self._last_seen.silent.copy()
@@ -240,7 +237,7 @@ class Guard:
             seen[name] = np.where(never, TYPICAL[name], seen[name])
         return seen, unknown
 
-    def _outside(self, seen: Mapping[str, Any]) -> Flags:
+    def _outside(self, seen: Mapping[str, Any]) -> Mask:
         """Where a signal is, or was in the last 3 s, outside the coverage by more than a fifth of its
         span."""
         batch = len(seen["gap"])

@@ -14,13 +14,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.shield import Ahead, Shield, Truck
+from deeptruck_core.arrays import Array, Mask
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 FULL = 1.0 - 1e-9  # share of the brake command: all of it, but for rounding
 KNOTS = 12  # pieces of a rollout in which leader, policy and radar keep one behaviour
 WIDTH = 5 + 4 * KNOTS  # numbers that describe one rollout, each in 0..1
@@ -60,7 +58,7 @@ class _Leader(NamedTuple):
     worst_lag_m: Array  # by how much less than the true one the gap behind the worst leader is
     worst_speed: Array
 
-    def moved(self, p: Assumptions, pull: Array, lost: Flags) -> _Leader:
+    def moved(self, p: Assumptions, pull: Array, lost: Mask) -> _Leader:
         """The leader one step later, at the acceleration `pull` (batch,); `lost` marks rollouts in which the
         truck does not detect the leader in that step."""
         may = np.where(lost, np.minimum(self.braking + p.unseen_jerk * p.dt, p.leader_braking), 0.0)
@@ -122,7 +120,7 @@ def _piece(k: int, steps: int) -> int:
 
 
 def _measured(
-    p: Assumptions, gap: Array, leader: Array, speed: Array, noise: Array, lost: Flags
+    p: Assumptions, gap: Array, leader: Array, speed: Array, noise: Array, lost: Mask
 ) -> tuple[Array, Array, Array]:
     """Readings of radar and speedometer at the limits of their stated errors."""
     sign = 2.0 * (noise > 0.3) - 1.0  # mostly flattering: further and faster than true

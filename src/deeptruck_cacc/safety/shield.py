@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 
 from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.brakes import Brakes
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from deeptruck_core.arrays import Array, Mask
 
 
 class Ahead(NamedTuple):
@@ -65,12 +63,12 @@ class Shield:
     assumed: Assumptions
     engine_low: float
     brake_high: float
-    acted: Flags = field(default_factory=lambda: np.zeros(0, bool))
-    braking: Flags = field(default_factory=lambda: np.zeros(0, bool))
+    acted: Mask = field(default_factory=lambda: np.zeros(0, bool))
+    braking: Mask = field(default_factory=lambda: np.zeros(0, bool))
     room_m: Array = field(default_factory=lambda: np.zeros(0))
     _ahead: Ahead | None = field(default=None, repr=False)
     _truck: Truck = field(default_factory=lambda: Truck.unknown(0), repr=False)
-    _counts: Flags = field(default_factory=lambda: np.zeros((0, 0), bool), repr=False)
+    _counts: Mask = field(default_factory=lambda: np.zeros((0, 0), bool), repr=False)
     # heat, J/kg, and the share in the brakes as they are without the last command
     _spared: tuple[Array, Array] = field(default_factory=lambda: (np.zeros(0), np.zeros(0)), repr=False)
 
@@ -116,7 +114,7 @@ class Shield:
         leader_speed: Array,
         speed: Array,
         grade: Array | float = np.nan,
-        counts: Flags | None = None,
+        counts: Mask | None = None,
         came_from: NDArray[np.intp] | None = None,
     ) -> None:
         """Take what was measured. Gap and leader speed are (batch,) of one object or (objects, batch), NaN
@@ -222,7 +220,7 @@ class Shield:
         pull = speed**2 / (2 * np.maximum(way, 0.5))
         return np.asarray(np.max(np.where(self._counts & np.isfinite(ahead.unseen_s), pull, 0.0), axis=0))
 
-    def _slack(self) -> tuple[Array, Flags]:
+    def _slack(self) -> tuple[Array, Mask]:
         """Distance (m, (batch,)) to the limit behind the object that is nearest to it, and whether that one
         is not measured."""
         p, truck, ahead = self.assumed, self._truck, self._ahead

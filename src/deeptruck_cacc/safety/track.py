@@ -10,13 +10,10 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.policy import Observation
+from deeptruck_core.arrays import Array, Indices, Mask
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 SLOTS = 3  # the vehicle that is followed, one that hides it or is behind it, and one more reading
 
 
@@ -51,7 +48,7 @@ class Objects(NamedTuple):
         """By how much the range grows faster than the speeds say, m/s."""
         return self.by_range - self.by_radar
 
-    def where(self, flags: Flags, other: Objects) -> Objects:
+    def where(self, flags: Mask, other: Objects) -> Objects:
         """These where `flags` (SLOTS, batch), else the others."""
         return Objects(*(np.where(flags, mine, its) for mine, its in zip(self, other, strict=True)))
 
@@ -132,15 +129,15 @@ class Tracker:
     forget_s: float = 4.0  # after so long without a reading objects are forgotten
     objects: Objects = field(default_factory=lambda: Objects.none(0))
     readings: tuple[Array, Array] = field(default_factory=lambda: (np.zeros((SLOTS, 0)),) * 2)
-    counts: Flags = field(default_factory=lambda: np.zeros((SLOTS, 0), bool))
+    counts: Mask = field(default_factory=lambda: np.zeros((SLOTS, 0), bool))
     came_from: Indices = field(default_factory=lambda: np.zeros((SLOTS, 0), np.intp))
     unseen_s: Array = field(default_factory=lambda: np.zeros(0))
     contradicted_s: Array = field(default_factory=lambda: np.zeros(0))
-    frozen: Flags = field(default_factory=lambda: np.zeros(0, bool))
+    frozen: Mask = field(default_factory=lambda: np.zeros(0, bool))
     own_speed_factor: Array = field(default_factory=lambda: np.zeros(0))  # share by which it is too high
     _speed: Array = field(default_factory=lambda: np.zeros(0), repr=False)  # m/s, of the truck, one step ago
     _learned_s: Array = field(default_factory=lambda: np.zeros(0), repr=False)
-    _drifts: Flags = field(default_factory=lambda: np.zeros(0, bool), repr=False)
+    _drifts: Mask = field(default_factory=lambda: np.zeros(0, bool), repr=False)
     _measured: Indices = field(default_factory=lambda: np.zeros(0, np.intp), repr=False)  # the last one
     _past: Past = field(default_factory=lambda: Past.nothing(0), repr=False)
 
@@ -230,7 +227,7 @@ class Tracker:
         gap, by_speed = was.gap + (was.speed_now - own) * self.dt, was.range + (was.speed - own) * self.dt
         return was._replace(gap=gap, range=by_speed, unseen_s=was.unseen_s + self.dt)
 
-    def _belongs(self, old: Objects, gap: Array, leader: Array, received: Flags) -> tuple[Indices, Flags]:
+    def _belongs(self, old: Objects, gap: Array, leader: Array, received: Mask) -> tuple[Indices, Mask]:
         """The place in the list of what was measured, and whether it is a new object, each (batch,)."""
         missed_s = old.unseen_s - self.dt
         young = (old.seen_s < self.dt - 1e-9) & ~_slots(0)
@@ -245,7 +242,7 @@ class Tracker:
         return np.where(new, free, known), new
 
     def _updated(
-        self, old: Objects, gap: Array, leader: Array, speed: Array, here: Flags, new: Flags
+        self, old: Objects, gap: Array, leader: Array, speed: Array, here: Mask, new: Mask
     ) -> tuple[Objects, Array]:
         """The list with the reading taken into the object that it belongs to, and by how much (m, (batch,))
         its range grew beyond the speeds since its last reading."""
@@ -290,7 +287,7 @@ class Tracker:
         after = first.where(here & new, known.where(here, old))
         return after, np.where(here & ~new, beyond, 0.0).sum(axis=0)
 
-    def _learn(self, beyond: Array, speed: Array, elapsed: Array, counts: Flags) -> None:
+    def _learn(self, beyond: Array, speed: Array, elapsed: Array, counts: Mask) -> None:
         """Take what the range grew beyond the speeds as the effect of a wrong wheel radius."""
         counts = counts & (speed > self.learn_speed) & (np.abs(beyond) < self._step_m)
         # Else it may be a drift.
@@ -302,7 +299,7 @@ class Tracker:
         more = np.where(counts, beyond, 0.0) / np.maximum(over * speed, self.dt)
         self.own_speed_factor = np.clip(self.own_speed_factor + more, -self.most_factor, self.most_factor)
 
-    def _aged(self, after: Objects, here: Flags, received: Flags) -> Objects:
+    def _aged(self, after: Objects, here: Mask, received: Mask) -> Objects:
         """The list after a reading elsewhere: an object that the radar looks through is soon gone."""
         passed = received & ~here & ~_slots(0)
         less = after.seen_s - np.where(passed, self.dt, 0.0)
@@ -311,7 +308,7 @@ class Tracker:
         kept = after._replace(seen_s=less)
         return Objects.none(len(received)).where(gone | lost, kept)
 
-    def _in_order(self, after: Objects, slot: Indices, accepted: Flags) -> tuple[Objects, Indices]:
+    def _in_order(self, after: Objects, slot: Indices, accepted: Mask) -> tuple[Objects, Indices]:
         """The list with what is to be followed first, and where each of it was before, -1 for nowhere."""
         first, mine = after.gap[0], _at(after.gap, slot)
         nearer, none = mine < first, np.isnan(first)
@@ -326,7 +323,7 @@ class Tracker:
         moved = moved._replace(seen_s=np.where(before, 2 * self.farther_s, moved.seen_s))
         return Objects.none(len(slot)).where(left, moved), np.where(left, -1, order)
 
-    def _report(self, gap: Array, leader: Array, accepted: Flags, received: Flags) -> None:
+    def _report(self, gap: Array, leader: Array, accepted: Mask, received: Mask) -> None:
         """What shield and policy get of the reading, and what is not accepted."""
         now = self.objects
         edge = np.where(gap - now.gap > self._step_m, now.gap, gap)
@@ -341,7 +338,7 @@ class Tracker:
         doubted = np.where(self._drifts | contradicts, self.contradicted_s + more, 0.0)
         self.contradicted_s = np.where(received, doubted, self.contradicted_s)
 
-    def _is_frozen(self, gap: Array, leader: Array, speed: Array) -> Flags:
+    def _is_frozen(self, gap: Array, leader: Array, speed: Array) -> Mask:
         """Whether a range or speed that was noisy and never repeated itself has done so for `frozen_s`."""
         past, reading = self._past, np.stack([gap, leader])
         received = np.isfinite(gap + leader)
@@ -362,8 +359,8 @@ class Tracker:
 _numbers = np.arange(SLOTS)[:, None]
 
 
-def _slots(*which: int) -> Flags:
-    """Flags of these places in the list, (SLOTS, 1)."""
+def _slots(*which: int) -> Mask:
+    """Mask of these places in the list, (SLOTS, 1)."""
     return np.isin(_numbers, which)
 
 

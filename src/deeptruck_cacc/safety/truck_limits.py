@@ -1,4 +1,4 @@
-"""Measures on a simulator the truck capabilities that a Assumptions assumes, by emergency stops from many
+"""Measures on a simulator the truck capabilities that the assumptions state, by emergency stops from many
 states.
 """
 
@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.safety.assumptions import Assumptions
 from deeptruck_cacc.safety.proof import hardest_braking_when_lost
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator, load
 
-Array = NDArray[np.float64]
 PREPARE_S, STOP_S = 4.0, 14.0
 STEEPEST = -0.03  # rise over run: most of a motorway; runs measure for steeper descents
 NO_BRAKING = 0.02  # m/s^2

@@ -13,9 +13,9 @@ from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.hard_scenes import gap_closing
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.environments.scenes import Scene
+from deeptruck_core.arrays import Array
 from deeptruck_model.simulators import Simulator
 
-Array = NDArray[np.float64]
 EXAM_S = 40.0
 SETTLED_S, STEADY_S = 10.0, 25.0  # the paper's times for the time gap and for the speed
 

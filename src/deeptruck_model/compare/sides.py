@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
 from deeptruck_model.checks import Clock
@@ -19,8 +20,6 @@ from deeptruck_model.compare.naming import short_names, split_name
 from deeptruck_model.recordings import Recording, read
 from deeptruck_model.recordings.several import check_fit
 from deeptruck_model.simulators import Simulator, free_run
-
-Array = NDArray[np.float64]
 
 SHOWN = (
     "speed", "acceleration", "engine_command", "brake_command", "gap", "leader_speed", "fuel_rate", "grade",

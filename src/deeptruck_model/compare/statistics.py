@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.compare.sides import Side
-
-Array = NDArray[np.float64]
 
 ROLLING = 2.0  # m/s; slower, a time gap says nothing
 BRAKES = 0.05  # share of the hardest braking from which a brake command counts

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_model.recordings import Recording
 
-Array = NDArray[np.float64]
 SPEED_BIN, ACCELERATION_BIN, GRADE_BIN = 2.0, 0.5, 0.01  # m/s, m/s^2, ratio
 Rows = NDArray[Any]
 PER_S, MOST = 1.0, 50_000  # samples a second that are kept, and of all

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import ROUNDED_GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, SPEED, TruckInterface
 from deeptruck_model.recordings import Recording
 
 FloatArray = NDArray[np.float32]
-Array = NDArray[np.float64]
 SHORTEST_S = 3.0  # a piece below this teaches nothing
 HELD_OUT = 0.15  # share of the data, always the later part, that selects the checkpoint
 SPLIT_FROM_S = 120.0  # pieces from this length on are split inside; shorter ones go whole to one side

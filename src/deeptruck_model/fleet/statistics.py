@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from scipy.special import zeta
 from scipy.stats import binomtest, false_discovery_control, median_abs_deviation
 
-Array = NDArray[np.float64]
 Nats = Mapping[str, float]
 
 LEVEL = 0.05  # of false among all discoveries, where none is stated

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, FUEL, SPEED, TruckInterface
 from deeptruck_model.fmu.description import Description, Variable, described
@@ -18,8 +18,6 @@ from deeptruck_model.fmu.drives import Drive, Instances
 from deeptruck_model.fmu.instance import Instance, Unpacked
 from deeptruck_model.fmu.variables import VariableMap, variable_map
 from deeptruck_model.simulators import Run
-
-Array = NDArray[np.float64]
 
 STARTS_NEAR = 0.01  # m/s between the speed that it is to start at and that it has then
 COASTS = 1.0  # m/s^2, by which no truck on a level road slows with its pedals released

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.schema import NAME, TEXT, check, keys, mapping, number
 from deeptruck_core.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS, TruckInterface
@@ -18,8 +18,6 @@ from deeptruck_model.fmu.description import Description, Variable
 from deeptruck_model.recordings.units import Conversion, conversion
 from deeptruck_model.trucks.parameters import PARAMETERS
 from deeptruck_model.trucks.state import INSIDE
-
-Array = NDArray[np.float64]
 
 COMMANDS = ("engine_command", "brake_command")
 INPUTS = (*COMMANDS, "grade")

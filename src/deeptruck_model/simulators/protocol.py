@@ -12,17 +12,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, cast, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from deeptruck_core import reading
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.imports.entry_points import registered
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.checks import KINDS, SCHEMES, calls
 from deeptruck_model.checks import manifest as read_manifest
-
-Array = NDArray[np.float64]
 
 
 class MinimalSimulator(Protocol):

@@ -13,15 +13,13 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_core import reading
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, CHANNELS, SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.simulators.running import difference
-
-Array = NDArray[np.float64]
 
 SPEEDS = (0.0, 8.0, 20.0)  # m/s, of one batch
 DRIVE_S, ROLLOUT_S = 6.0, 120.0

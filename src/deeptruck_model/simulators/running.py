@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core import reading
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import SPEED
 from deeptruck_model.simulators.protocol import MinimalSimulator, Simulator
-
-Array = NDArray[np.float64]
 
 PROBED_S = 600.0  # of the first row of the first drive, at most
 SPANS_S = (5.0, 40.0)  # of free and of forced driving, which alternate

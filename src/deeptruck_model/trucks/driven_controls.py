@@ -17,12 +17,12 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import savgol_filter
 from scipy.stats import theilslopes
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import SPEED
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.trucks import PARAMETERS, PhysicsTruck, Specification
 from deeptruck_model.trucks.specification import RECORDED_GEAR
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_CHANGES = 20  # in each direction

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.trucks.brakes import brake_capacity
 from deeptruck_model.trucks.compiled import entry, part
 from deeptruck_model.trucks.engine import clip, friction, lag
 from deeptruck_model.trucks.kernel import advance
 from deeptruck_model.trucks.state import LOCKED
 from deeptruck_model.trucks.truck import PhysicsTruck
-
-Array = NDArray[np.float64]
 
 PROPORTIONAL = 0.45  # 1/s
 INTEGRAL = 0.05  # 1/s2

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_model.checks import calls
 from deeptruck_model.recordings import Recording
@@ -27,7 +28,6 @@ from deeptruck_model.trucks import PhysicsTruck
 from deeptruck_model.trucks.compiled import entry
 from deeptruck_model.trucks.driver import BRAKE, COAST, EPISODE, LOGGED, drive_along
 
-Array = NDArray[np.float64]
 COASTING_S = (8.0, 40.0)  # length of a coasting episode
 BRAKING_LEVELS = (0.08, 1.0)  # share of full braking
 LONGEST_STOP_S = 120.0  # of a braking episode that does not come to rest, as down a steep slope

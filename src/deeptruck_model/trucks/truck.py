@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core import reading
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.checks import calls
@@ -31,7 +32,6 @@ from deeptruck_model.trucks.specification import (
 )
 from deeptruck_model.trucks.state import INSIDE, STATE
 
-Array = NDArray[np.float64]
 SUBSTEP = 0.01  # s, the inner step
 DT = (1e-3, 60.0)  # s, steps that a manifest may have
 

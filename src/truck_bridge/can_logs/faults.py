@@ -8,13 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from truck_bridge.faults import ActiveFaults, Fault
 from truck_bridge.j1939.diagnostics import GROUPS, Report
 from truck_bridge.j1939.transport import OTHERS, Broken
-
-Array = NDArray[np.float64]
 
 
 class Said(NamedTuple):

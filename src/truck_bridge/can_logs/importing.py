@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from truck_bridge import j1939, vehicles
 from truck_bridge.can_logs import faults
 from truck_bridge.can_logs.decoding import Decoding, decode
@@ -18,7 +18,6 @@ from truck_bridge.errors import InputError
 from truck_bridge.j1939.codec import Codec
 from truck_bridge.units import COMMANDS, of_command, to_si
 
-Array = NDArray[np.float64]
 Series = tuple[Array, Array]
 
 NO_TORQUE = -125.0  # percent of a byte of zero, which a controller sends that starts or ends

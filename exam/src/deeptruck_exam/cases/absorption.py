@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam.cases.build import second_means
 from deeptruck_exam.cases.plan import Plan
-from deeptruck_exam.laws.law import Array
 from deeptruck_exam.worlds import trucks
 from deeptruck_model import trucks as pool
 from deeptruck_model.recordings import Recording

@@ -7,11 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam import worlds
 from deeptruck_exam.cases.gates import CONDITIONS, Windows, draw_windows, gate
 from deeptruck_exam.cases.plan import MINUTES, Plan, draw_plan
 from deeptruck_exam.laws.catalogue import Planted
-from deeptruck_exam.laws.law import Array, Setting
+from deeptruck_exam.laws.law import Setting
 from deeptruck_exam.worlds import roads as road_maker
 from deeptruck_exam.worlds import speeds, trucks
 from deeptruck_exam.worlds.drive import Drives, leader_way, simulate

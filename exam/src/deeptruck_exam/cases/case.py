@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_exam import worlds
@@ -21,7 +22,7 @@ from deeptruck_exam.cases.levels import FELT, NOT_RECORDED, SLOPE_OR_WIND
 from deeptruck_exam.cases.plan import MINUTES, Plan, draw_plan
 from deeptruck_exam.cases.truth import describe
 from deeptruck_exam.folder import CASE
-from deeptruck_exam.laws.law import GRAVITY, Array
+from deeptruck_exam.laws.law import GRAVITY
 from deeptruck_exam.laws.series import ou_series
 from deeptruck_exam.worlds import trucks
 from deeptruck_exam.worlds.sensors import Sensors, quantise

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam.laws.catalogue import Planted
-from deeptruck_exam.laws.law import Array
 from deeptruck_model.trucks import CommandFilter, Force, View
 
 Open = Callable[[View], Array]

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam.cases.build import DT, MOTION_SD, Built, information
 from deeptruck_exam.cases.levels import NOT_RECORDED
 from deeptruck_exam.laws import Effect
-from deeptruck_exam.laws.law import Array
 
 LEAST = 0.03  # m/s2: below this nobody would say that an effect acts
 

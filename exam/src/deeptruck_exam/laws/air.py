@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam.laws.catalogue import law, sizes
-from deeptruck_exam.laws.law import Array, Law, Sizes, State, index
+from deeptruck_exam.laws.law import Law, Sizes, State, index
 from deeptruck_exam.laws.series import ou_series, some_drives
 from deeptruck_model.trucks import View
 

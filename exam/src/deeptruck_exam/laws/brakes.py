@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam.laws.catalogue import law, sizes
-from deeptruck_exam.laws.law import STEP_S, Array, Law, Sizes, State, moving
+from deeptruck_exam.laws.law import STEP_S, Law, Sizes, State, moving
 from deeptruck_model.trucks import View
 
 

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam.laws.catalogue import law, sizes
-from deeptruck_exam.laws.law import STEP_S, Array, CommandLaw, Sizes, State
+from deeptruck_exam.laws.law import STEP_S, CommandLaw, Sizes, State
 from deeptruck_exam.laws.series import ou_series
 
 

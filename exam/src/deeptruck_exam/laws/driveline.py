@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam.laws.catalogue import Planted, law, sizes
-from deeptruck_exam.laws.law import Array, Law, Setting, Sizes, State, moving, weight
+from deeptruck_exam.laws.law import Law, Setting, Sizes, State, moving, weight
 from deeptruck_model.trucks import View
 
 

@@ -11,9 +11,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.trucks import View
 
-Array = NDArray[np.float64]
 Channels = dict[str, Array]
 Sizes = SimpleNamespace
 State = SimpleNamespace

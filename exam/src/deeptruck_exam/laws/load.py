@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam.laws.catalogue import SIGN, law, sizes
-from deeptruck_exam.laws.law import GRAVITY, Array, Law, Sizes, State, moving
+from deeptruck_exam.laws.law import GRAVITY, Law, Sizes, State, moving
 from deeptruck_exam.laws.series import some_drives
 from deeptruck_model.trucks import View
 

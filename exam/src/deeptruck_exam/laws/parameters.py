@@ -6,8 +6,9 @@ from functools import partial
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam.laws.catalogue import SIGN, Effect, Planted, register
-from deeptruck_exam.laws.law import GRAVITY, Array, Law, Setting, Sizes, State, moving
+from deeptruck_exam.laws.law import GRAVITY, Law, Setting, Sizes, State, moving
 from deeptruck_model.trucks import View
 
 WRONG = {  # (least, most) change over the true value; drives in which it shows; names that say the same

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam.laws.catalogue import Planted, law, sizes
-from deeptruck_exam.laws.law import Array, Setting, Sizes, State, moving, weight
+from deeptruck_exam.laws.law import Setting, Sizes, State, moving, weight
 from deeptruck_exam.laws.series import CELL_M, CELLS, OnRoad, smooth_spans
 from deeptruck_model.trucks import View
 

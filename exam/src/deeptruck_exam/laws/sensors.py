@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam.laws.catalogue import SIGN, fault, sizes
-from deeptruck_exam.laws.law import Array, Channels, Sizes
+from deeptruck_exam.laws.law import Channels, Sizes
 from deeptruck_exam.laws.series import lagged, ou_series
 
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from deeptruck_exam.laws.law import Array, Law
+from deeptruck_core.arrays import Array
+from deeptruck_exam.laws.law import Law
 from deeptruck_model.trucks import View
 
 CELL_M, CELLS = 5.0, 12000  # 60 km of road

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_exam.laws.catalogue import law, sizes
-from deeptruck_exam.laws.law import GRAVITY, Array, Law, Sizes, State, index, moving, weight
+from deeptruck_exam.laws.law import GRAVITY, Law, Sizes, State, index, moving, weight
 from deeptruck_exam.laws.series import OnRoad, ou_series, smooth_spans
 from deeptruck_model.trucks import View
 

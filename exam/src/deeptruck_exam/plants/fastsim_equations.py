@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import SPEED, TruckInterface
-from deeptruck_exam.laws.law import Array
 from deeptruck_exam.plants.fastsim_truck import (
     AIR_DENSITY,
     DT,

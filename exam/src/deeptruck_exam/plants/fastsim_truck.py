@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.reading import package_yaml
 from deeptruck_core.signals import TruckInterface
-from deeptruck_exam.laws.law import Array
 from deeptruck_exam.laws.series import ou_series
 from deeptruck_model.recordings import Recording
 

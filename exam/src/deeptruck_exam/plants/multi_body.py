@@ -12,15 +12,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import SPEED, TruckInterface
 from deeptruck_exam.plants.cases import MISSING, Concealed
 from deeptruck_model.recordings import Recording
-
-Array = NDArray[np.float64]
 
 POINT_MASS = "python:deeptruck_exam.plants.multi_body:make"
 DT, SAMPLES, DRIVES = 0.1, 4000, 4

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from deeptruck_core import files
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_exam.cases.case import Case
-from deeptruck_exam.laws.law import Array
 from deeptruck_exam.tool import run_tool, summary
 from deeptruck_model import simulators
 from deeptruck_model.recordings import Recording, import_table, read, split, write_bag

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import ACCELERATION, SPEED
-from deeptruck_exam.laws.law import Array
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deeptruck_exam.laws.law import Array, Channels
+from deeptruck_core.arrays import Array
+from deeptruck_exam.laws.law import Channels
 from deeptruck_exam.worlds.drivers import STANDSTILL_M, Driver
 from deeptruck_exam.worlds.roads import Roads
 from deeptruck_model.trucks import PhysicsTruck

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_exam.laws.law import GRAVITY, Array
+from deeptruck_core.arrays import Array
+from deeptruck_exam.laws.law import GRAVITY
 from deeptruck_exam.laws.series import ou_series
 from deeptruck_exam.worlds.trucks import motoring
 

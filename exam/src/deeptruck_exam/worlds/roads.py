@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_exam.laws.law import Array
+from deeptruck_core.arrays import Array
 
 STEP_M = 10.0
 CELLS = 6000  # 60 km

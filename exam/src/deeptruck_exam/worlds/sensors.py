@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_exam.laws.law import Array, Channels
+from deeptruck_core.arrays import Array
+from deeptruck_exam.laws.law import Channels
 from deeptruck_exam.laws.series import lagged, ou_series
 
 TIMED = ("speed", "acceleration", "engine_command", "brake_command", "fuel_rate")

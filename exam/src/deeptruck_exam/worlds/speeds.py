@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_exam.laws.law import Array
+from deeptruck_core.arrays import Array
 from deeptruck_exam.laws.series import ou_series
 
 FASTEST_MPS = 27.5

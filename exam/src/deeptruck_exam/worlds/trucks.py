@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_exam.laws.law import Array
+from deeptruck_core.arrays import Array
 from deeptruck_model import trucks
 from deeptruck_model.trucks import PhysicsTruck
 

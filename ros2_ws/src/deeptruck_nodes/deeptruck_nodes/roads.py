@@ -9,12 +9,10 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_nodes import choice
 from deeptruck_nodes.choice import require
-
-Array = NDArray[np.float64]
 
 
 class Road(Protocol):

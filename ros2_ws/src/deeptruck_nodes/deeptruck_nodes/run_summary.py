@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+
+from deeptruck_core.arrays import Array
 
 LEADER, ENGAGED, CLOCK = "/leader/state", "/truck/engaged", "/truck/twist"
 COUNTED = {  # what the controller counts, as the last line names it
@@ -16,7 +17,6 @@ COUNTED = {  # what the controller counts, as the last line names it
     "full_brakings": "the truck was braked fully",
 }
 LATE_S = 0.05  # beyond the usual period: half a step of the controller
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_model.deep.data import FloatArray
 from deeptruck_model.deep.kernels.layers import (
@@ -26,7 +25,6 @@ from deeptruck_model.deep.kernels.layers import (
 )
 from deeptruck_model.deep.network import TruckNetwork
 
-Array = NDArray[np.float64]
 _ROWS = 64  # of the batch run together: their gates stay in the cache
 
 
