@@ -26,7 +26,6 @@ from deeptruck_model.recordings.tables.header_words import spelled
 DELIMITERS = ",;\t| "  # one of these is found by the header where none is given; blanks may be several
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 _OTHER_BREAKS = {"\v", "\f", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029"}  # of splitlines alone
-_AT_ONCE = 20_000  # rows that are made columns together
 SAMPLED = 100  # rows by which the number of cells of a row is found
 RAGGED = "with more or fewer cells than the header"
 UNCLOSED = "inside a quotation mark that is not closed in its line"
@@ -222,52 +221,32 @@ class CsvText:
         if not any(line.strip() for line in self.lines[self.begin :]):
             raise InputError(f"{self.path} is empty: it has no rows below its header")
         names = self._names()
-        if (table := self._if_plain(len(names))) is not None:
-            return table, names, np.arange(table.num_rows)
-        first = ""
-        numbers: list[int] = []
-        parts: list[list[pa.Array]] = [[] for _ in names]
-        kept: list[list[str | None]] = []
-
-        def put() -> None:
-            for part, cells in zip(parts, zip(*kept, strict=True), strict=False):
-                part.append(pa.array(cells, pa.string()))
-            kept.clear()
-
-        for number, line in enumerate(self.lines[self.begin :]):
+        first, kept, numbers = "", list[str](), list[int]()
+        body, mark, marks = self.lines[self.begin :], self.delimiter, len(names) - 1
+        self.account.total.read += sum(map(bool, body))
+        for number, line in enumerate(body):
             if not line:
                 continue
-            self.account.total.read += 1
-            cells, reason = self._cells(line, len(names))
-            if reason:
-                where = f"line {self.begin + number + 1}"
-                self.account.total.set_aside(reason, where)
-                first = first or f"{where} with {len(cells)}"
-                continue
-            kept.append([cell or None for cell in cells])
+            if '"' in line or line.count(mark) != marks:
+                cells, reason = self._cells(line, len(names))
+                if reason:
+                    where = f"line {self.begin + number + 1}"
+                    self.account.total.set_aside(reason, where)
+                    first = first or f"{where} with {len(cells)}"
+                    continue
+                line = mark.join('"{}"'.format(cell.replace('"', '""')) for cell in cells)
+            kept.append(line)
             numbers.append(number)
-            if len(kept) == _AT_ONCE:
-                put()
-        put()
         if self.account.total.left_out > len(numbers):
             self._refuse(first)
-        columns = [pa.chunked_array(part, pa.string()) for part in parts]
-        return pa.table(columns, [str(k) for k in range(len(names))]), names, np.array(numbers, np.int64)
-
-    def _if_plain(self, count: int) -> pa.Table | None:
-        """The rows, parsed at once, if all lines have as many cells and none a quotation mark."""
-        body = "\n".join(self.lines[self.begin :]).rstrip("\n")
-        lines = body.split("\n")
-        if '"' in body or any(line.count(self.delimiter) != count - 1 for line in lines) or count < 2:
-            return None
-        names = [str(k) for k in range(count)]
-        text = dict.fromkeys(names, pa.string())
+        columns = [str(k) for k in range(len(names))]
+        text = dict.fromkeys(columns, pa.string())
         convert = csv.ConvertOptions(column_types=text, strings_can_be_null=True, null_values=[""])
-        data = body.encode()
-        read = csv.ReadOptions(column_names=names, use_threads=False, block_size=min(len(data) + 1, 2**30))
-        parse = csv.ParseOptions(delimiter=self.delimiter, quote_char=False)
-        self.account.total.read += len(lines)
-        return csv.read_csv(pa.BufferReader(data), read, parse, convert)
+        data = "\n".join(kept).encode()
+        read = csv.ReadOptions(column_names=columns, use_threads=False, block_size=min(len(data) + 1, 2**30))
+        parse = csv.ParseOptions(delimiter=mark)
+        table = csv.read_csv(pa.BufferReader(data), read, parse, convert)
+        return table, names, np.array(numbers, np.int64)
 
     def _cells(self, line: str, count: int) -> tuple[list[str], str]:
         """The cells of a row, and the reason for which it is none."""
