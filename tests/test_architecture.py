@@ -133,8 +133,7 @@ FLOOR = tuple(
         "checks", "results",
         "recordings.tables.table", "recordings.tables.table_file", "recordings.tables.csv_text",
         "recordings.tables.mat_file", "recordings.tables.column",
-        "recordings.tables.header_words",
-        "recordings.channel_words", "recordings.units", "recordings.ranges",
+        "recordings.words", "recordings.units", "recordings.ranges",
         "recordings.consistency.impossible", "recordings.interpolate",
         "outside.reference", "outside.saved", "outside.truck",
     )

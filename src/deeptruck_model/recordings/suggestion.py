@@ -25,7 +25,12 @@ from deeptruck_model.recordings.candidates import (
     rate,
     span,
 )
-from deeptruck_model.recordings.channel_words import (
+from deeptruck_model.recordings.consistency.proposals import COMPARED, settled
+from deeptruck_model.recordings.message_types import MESSAGE_TYPES, WITH_QUATERNION, Known, Role
+from deeptruck_model.recordings.survey import Field, Survey, Topic, survey, values_of
+from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
+from deeptruck_model.recordings.units import conversion
+from deeptruck_model.recordings.words import (
     COMMANDED,
     LEADER,
     UNIT_WORDS,
@@ -33,11 +38,6 @@ from deeptruck_model.recordings.channel_words import (
     unit_by_range,
     words,
 )
-from deeptruck_model.recordings.consistency.proposals import COMPARED, settled
-from deeptruck_model.recordings.message_types import MESSAGE_TYPES, WITH_QUATERNION, Known, Role
-from deeptruck_model.recordings.survey import Field, Survey, Topic, survey, values_of
-from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
-from deeptruck_model.recordings.units import conversion
 
 Array = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import Recording, read, suggest, write_bag
-from deeptruck_model.recordings.channel_words import words
 from deeptruck_model.recordings.suggestion import Suggestion
 from deeptruck_model.recordings.survey import Field
+from deeptruck_model.recordings.words import words
 
 COUNT = 100
 SPEED = 10.0 + 0.1 * np.arange(COUNT)

@@ -16,10 +16,10 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from deeptruck_core.signals import CHANNELS
 from deeptruck_model.recordings import read, suggest
 from deeptruck_model.recordings.candidates import DEMANDS
-from deeptruck_model.recordings.channel_words import STATISTIC, UNIT_WORDS
 from deeptruck_model.recordings.message_types import MESSAGE_TYPES, Role
 from deeptruck_model.recordings.suggestion import Suggestion
 from deeptruck_model.recordings.units import conversion
+from deeptruck_model.recordings.words import STATISTIC, UNIT_WORDS
 
 COUNT = 100
 Topics = Mapping[str, tuple[str, dict[str, Any]]]  # topic: type, value (or its series) by path

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import CHANNELS, TruckInterface
-from deeptruck_model.recordings.channel_words import LEADER
 from deeptruck_model.recordings.consistency.accelerometer import UNRELATED, accelerometer
 from deeptruck_model.recordings.consistency.windows import (
     CORRELATED,
@@ -28,8 +27,8 @@ from deeptruck_model.recordings.earth import metres_per_degree
 from deeptruck_model.recordings.interpolate import Series
 from deeptruck_model.recordings.ranges import Seen
 from deeptruck_model.recordings.recording import FROM_SPEED, Recording
-from deeptruck_model.recordings.tables.header_words import header
 from deeptruck_model.recordings.units import SPEED_RATIOS
+from deeptruck_model.recordings.words import LEADER, header
 
 Array = NDArray[np.float64]
 

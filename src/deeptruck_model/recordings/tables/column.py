@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import units
-from deeptruck_model.recordings.tables.header_words import Header, header, spelled
+from deeptruck_model.recordings.words import Header, header, spelled
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -13,13 +13,6 @@ from numpy.typing import NDArray
 
 from deeptruck_core.reading import plain
 from deeptruck_model.recordings.candidates import DEMANDS, FIELD, TOPIC, Candidate
-from deeptruck_model.recordings.channel_words import (
-    BY_WORDS,
-    COMMANDED,
-    LEADER,
-    named_channels,
-    units_by_range,
-)
 from deeptruck_model.recordings.consistency.agreement import metres_of
 from deeptruck_model.recordings.consistency.proposals import unit_of
 from deeptruck_model.recordings.interpolate import Series
@@ -28,10 +21,20 @@ from deeptruck_model.recordings.ranges import RAW_TORQUE
 from deeptruck_model.recordings.schemas import PARTS
 from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.tables.column import RARE, Column
-from deeptruck_model.recordings.tables.header_words import IMPERIAL, METRIC, fits, sibling
 from deeptruck_model.recordings.tables.row_clock import RowClock
 from deeptruck_model.recordings.tables.table import Table
 from deeptruck_model.recordings.units import conversion
+from deeptruck_model.recordings.words import (
+    BY_WORDS,
+    COMMANDED,
+    IMPERIAL,
+    LEADER,
+    METRIC,
+    fits,
+    named_channels,
+    sibling,
+    units_by_range,
+)
 
 Array = NDArray[np.float64]
 

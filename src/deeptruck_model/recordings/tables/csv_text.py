@@ -21,7 +21,7 @@ from deeptruck_core.account import Account
 from deeptruck_core.errors import InputError
 from deeptruck_core.formats import check_measurement
 from deeptruck_model.recordings.tables.column import STATES, WITH_UNIT
-from deeptruck_model.recordings.tables.header_words import spelled
+from deeptruck_model.recordings.words import spelled
 
 DELIMITERS = ",;\t| "  # one of these is found by the header where none is given; blanks may be several
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}

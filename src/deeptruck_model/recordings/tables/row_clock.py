@@ -17,10 +17,10 @@ from deeptruck_model.recordings.candidates import yaml_text
 from deeptruck_model.recordings.tables.column import MOST_ABOVE, Column
 from deeptruck_model.recordings.tables.columns import Clock
 from deeptruck_model.recordings.tables.csv_text import NUMBER
-from deeptruck_model.recordings.tables.header_words import NO_TIME, TIME
 from deeptruck_model.recordings.tables.row_times import OF_DAY, is_iso, packed_format, timed, usual_formats
 from deeptruck_model.recordings.tables.table import Table
 from deeptruck_model.recordings.units import TIME_UNITS
+from deeptruck_model.recordings.words import NO_TIME, TIME
 
 Array = NDArray[np.float64]
 

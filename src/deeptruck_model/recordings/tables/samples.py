@@ -18,12 +18,12 @@ from deeptruck_model.recordings.extract import SIDEWAYS
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, Series, period
 from deeptruck_model.recordings.tables.columns import Columns
 from deeptruck_model.recordings.tables.csv_text import RAGGED
-from deeptruck_model.recordings.tables.header_words import fits, sibling, spelled
 from deeptruck_model.recordings.tables.row_times import timed
 from deeptruck_model.recordings.tables.table import Table, key_of, only, take_turns, widened
 from deeptruck_model.recordings.tables.table_file import read_table
 from deeptruck_model.recordings.topic_map import Source
 from deeptruck_model.recordings.units import conversion
+from deeptruck_model.recordings.words import fits, sibling, spelled
 
 Array = NDArray[np.float64]
 

@@ -15,16 +15,15 @@ from numpy.typing import NDArray
 from deeptruck_core.reading import plain
 from deeptruck_core.signals import CHANNELS
 from deeptruck_model.recordings.candidates import Candidate, Proposal, by_channel, span, yaml_text
-from deeptruck_model.recordings.channel_words import named_channels
 from deeptruck_model.recordings.consistency.proposals import settled
 from deeptruck_model.recordings.schemas import EXTRA
 from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.tables.column_meanings import LOOKED_AT, compared, meanings_of
 from deeptruck_model.recordings.tables.csv_text import Format
-from deeptruck_model.recordings.tables.header_words import TIME, fits, header, sibling
 from deeptruck_model.recordings.tables.row_clock import RowClock, find_clock
 from deeptruck_model.recordings.tables.table import Key, Table, key_of, only, widened
 from deeptruck_model.recordings.tables.table_file import find_form, read_table
+from deeptruck_model.recordings.words import TIME, fits, header, named_channels, sibling
 
 Array = NDArray[np.float64]
 

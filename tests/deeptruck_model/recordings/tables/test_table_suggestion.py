@@ -16,8 +16,7 @@ from pyarrow import parquet
 
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import TableSuggestion, import_table, suggest_columns
-from deeptruck_model.recordings.channel_words import COMMANDED, named_channels
-from deeptruck_model.recordings.tables.header_words import fits, header
+from deeptruck_model.recordings.words import COMMANDED, fits, header, named_channels
 
 Array = NDArray[np.float64]
 
