@@ -105,7 +105,7 @@ def concluded(truck: Simulator, c: Compared, rules: Rules, say: Callable[[str], 
 
 def stated(c: Compared, correction: Correction, driven: Validated) -> Stated:
     """The findings, where they act, and what recorded channels say of what has no name."""
-    slope = road(c.search.e.everywhere())
+    slope = road(c.search)
     error, tolerance = tolerated(c, driven)
     found = findings(c, correction, slope, error, tolerance)
     nodes = name_tree(c, slope)

@@ -187,14 +187,9 @@ class Limits:
         "by which a gain may be farther from the given one with the mass moved than with it held")
 
     # roads
-    line_s: float = _rule(300.0, "s", CHOSEN, "of driving, from which on a slow force is identifiable")
+    line_s: float = _rule(300.0, "s", CHOSEN, "of driving, from which on a plain truck can be fitted")
     line_r2: float = _rule(0.4, "1", CHOSEN,
-        "of the fast changes that a line through the recordings must explain")
-    by_chance: float = _rule(0.99, "1", STATISTICS,
-        "quantile of the agreement by chance, which the windows of a road must exceed")
-    road_share: float = _rule(0.05, "1", CHOSEN, "of the windows that must be found again on a road")
-    road_windows: int = _rule(3, "windows", CHOSEN,
-        "apart from each other, that must be found again on a road")
+        "of the fast changes that the engine's force of a plain truck must explain")
     position_agrees: float = _rule(0.5, "1", CHOSEN,
         "of the distance driven, or its inverse, that recorded positions must give")
     least_road_km: float = _rule(0.5, "km", CHOSEN, "of a recording on a known road, below which it has none")

@@ -42,10 +42,10 @@ STEERING = {
     "grids, windows and counts of a computation": (
         "ACTING ALIKE ASK_EVERY_S BIN_M BLOCK_LEARNED_S BLOCK_S BURN_IN FOLDS FORMS GAP_M "
         "IN_PLACE KNOTS LAP_M LASTING LEAST_GAIN LEAST_POWER LEAST_ROWS LEAST_STEP LENGTHS_S "
-        "LENGTH_M LOOK_BACK_S LOWEST MOST MOST_KNOTS MOST_KNOWN MOST_OF MOST_PLACES NEAREST PATIENCE "
+        "LOOK_BACK_S LOWEST MOST MOST_KNOTS MOST_KNOWN MOST_OF MOST_PLACES NEAREST PATIENCE "
         "PLACE_M REACH SETTLED SLOW_KNOT_S SLOW_NOISE_S SMOOTH_S STEADY STEP_M STEP_S TINY"
     ),
-    "priors and the tails of noise": "CLIP DRAGS FREE INFORMS LARGEST_SLOPE ORDER ORDINARY SIZE_SD TAIL Z95",
+    "priors and the tails of noise": "CLIP FREE INFORMS LARGEST_SLOPE ORDER ORDINARY SIZE_SD TAIL Z95",
     "what a recorded signal means": (
         "APART APART_M_S2 BRAKED BRAKE_S BRAKING FEWEST GEARS_AT_MOST IDLE LEAST_CHANGE LEAST_S "
         "MOSTLY MOST_TURNS NEAR RELEASED_S SAME SELDOM SLOWEST SLOW_S WIDTH"
@@ -144,7 +144,6 @@ def test_only_one_file_names_a_verdict() -> None:
 ABOUT_ONE_EFFECT = (
     "mechanisms/",
     "verdict/road.py",
-    "verdict/slow_force.py",
     "live/adaptation.py",
     "prepare/sensors.py",
     "folders.py",

@@ -7,7 +7,7 @@ of the response is the engine's share.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -228,7 +228,7 @@ def _from_questions(
     """
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     speed = np.maximum(out["speed"], 1.0)
-    traction, per_mass = _traction(out, speed)
+    traction, per_mass = next(tractions(out, speed), (None, 0.0))
     if traction is None:
         traction = grid.stack([_asked(simulator, p) for p in prepared])
     kind = prepared[0].recording.interface.kind
@@ -250,15 +250,15 @@ def _from_questions(
     return mass
 
 
-def _traction(out: dict[str, Array], speed: Array) -> tuple[Array | None, float]:
-    """A signal proportional to the engine's force at the wheels; its factor times mass (0: unknown)."""
+def tractions(out: Mapping[str, Array], speed: Array) -> Iterator[tuple[Array, float]]:
+    """Signals proportional to the engine's force at the wheels, the best first; their factors times mass (0:
+    unknown)."""
     if "engine_torque" in out and "engine_speed" in out:
-        return out["engine_torque"] * out["engine_speed"] / speed, DRIVELINE
+        yield out["engine_torque"] * out["engine_speed"] / speed, DRIVELINE
     if "engine_speed" in out:
-        return out["engine_command"] * out["engine_speed"] / speed, 0.0
+        yield out["engine_command"] * out["engine_speed"] / speed, 0.0
     if "fuel_rate" in out:
-        return out["fuel_rate"] / speed, EFFICIENCY * DIESEL_J_PER_CM3
-    return None, 0.0
+        yield out["fuel_rate"] / speed, EFFICIENCY * DIESEL_J_PER_CM3
 
 
 def _asked(simulator: Simulator, p: Prepared) -> Array:

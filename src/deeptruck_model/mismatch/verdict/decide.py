@@ -11,7 +11,7 @@ from deeptruck_model.mismatch.correction.model import Correction
 from deeptruck_model.mismatch.correction.validate import Validated
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 from deeptruck_model.mismatch.mechanisms.families import ROOT
-from deeptruck_model.mismatch.posterior.names import Compared, Node
+from deeptruck_model.mismatch.posterior.names import Compared, Named, Node
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.verdict import wording
@@ -28,7 +28,6 @@ from deeptruck_model.mismatch.verdict.result import (
     Verdict,
     Witness,
 )
-from deeptruck_model.mismatch.verdict.road import Road
 
 
 @dataclass(frozen=True)
@@ -236,7 +235,7 @@ def conclude(c: Compared, correction: Correction, driven: Validated, stated: Sta
     )
 
 
-def name_tree(c: Compared, slope: Road | None) -> tuple[Node, ...]:
+def name_tree(c: Compared, slope: Named | None) -> tuple[Node, ...]:
     """The tree of the unrecorded slope if it states a name; else the probabilities of all names, after that
     of none."""
     if slope is not None and slope.tree.stated(c.search.rules.stated) != ROOT:

@@ -32,7 +32,6 @@ from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.verdict import wording
 from deeptruck_model.mismatch.verdict.result import Alternative, Bound, Finding, Kind, Size
-from deeptruck_model.mismatch.verdict.road import Road
 from deeptruck_model.mismatch.verdict.sizes import sizes_of
 from deeptruck_model.mismatch.verdict.where import PRINTED
 from deeptruck_model.recordings import Recording
@@ -41,7 +40,7 @@ FAULT = 0.99  # probability that is reported of a fault, `sensor_sd` off: its de
 
 
 def findings(
-    c: Compared, correction: Correction | None, road: Road | None, error: float, tolerance: float
+    c: Compared, correction: Correction | None, road: Named | None, error: float, tolerance: float
 ) -> tuple[Finding, ...]:
     """The findings: sensor faults, the road, every accepted name, differences between drives, and slow or
     position-dependent forces if the simulator's error exceeds `tolerance`, m/s. Sizes are absent if no
@@ -124,12 +123,12 @@ def _condition(term: CandidateTerm, e: Evidence) -> str:
     return str(Bound(signal, low, high, unit(course.signal, e.command_units)))
 
 
-def _of_road(c: Compared, road: Road | None, rules: Rules) -> list[Finding]:
-    """The finding of the road, if the slow force depends on road position and its name is stated."""
+def _of_road(c: Compared, road: Named | None, rules: Rules) -> list[Finding]:
+    """The finding of the road of a learned simulator, if its name is stated."""
     if road is None or road.tree.stated(rules.stated) == ROOT:
         return []
-    m = LIBRARY[road.tree.first]
-    f = _finding(c, road.named(), Kind(m.kind), m.says, road.force)
+    m = LIBRARY[road.name]
+    f = _finding(c, road, Kind(m.kind), m.says, road.force)
     return [replace(f, equation=m.equation, depends_on=m.depends_on, separating_manoeuvre=m.manoeuvre)]
 
 

@@ -1,188 +1,154 @@
-"""Identifies an unrecorded road: a slow force that depends on the road position.
+"""The slope that a learned simulator is not given, from what the forces of a plain truck leave.
 
 A learned truck that gets its own speed follows a slope as it follows every slow force, so that little of it
-remains in its residual. A linear model of the recordings does not (`slow_force.plain_truck`). Its residual is
-smoothed in time; if a window of the slow part is repeated elsewhere, with the same sign in the same direction
-or the opposite sign in the opposite direction, it belongs to the road. If none is repeated, the size that
-each possible cause would need decides.
-
-Chance agreement is estimated from the two comparisons that no road can cause: same direction with the
-opposite sign, and reversed with the same sign.
+remains in its residual. A plain truck does not follow it: its engine's force is linear in one recorded
+signal, its drag that of its kind. Slope and traction are correlated, and an ordinary fit
+confuses them. They differ in their fast changes, as no slope changes within seconds: the engine's gain and
+friction are fitted to these. The slow rest is due to the road, the wind or the engine's gain, and the size
+that each would need decides which.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammainc
+from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import least_squares
 
-from deeptruck_core.arrays import Array, Indices, Mask
+from deeptruck_core.arrays import Array, Mask
+from deeptruck_core.constants import AIR_DENSITY, GRAVITY
 from deeptruck_core.signals import FELT
 from deeptruck_core.vehicle_kinds import LARGEST_DERATE, STEEPEST, STRONGEST_WIND
 from deeptruck_model.mismatch.mechanisms.families import UNKNOWN
 from deeptruck_model.mismatch.posterior.names import Named, Tree
+from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.residual.components import tractions
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
-from deeptruck_model.mismatch.verdict.slow_force import plain_truck, slow_force
 
-SLOPE, SURFACE = "road_grade", "road_surface"
-LARGEST = {SLOPE: STEEPEST, "headwind": STRONGEST_WIND, "torque_derate": LARGEST_DERATE}  # rms
-OTHER = 0.05  # weight of a slow force that is none of these
-ONE_WAY = 0.5  # probability of a slope where the road was driven again the same way alone
-
-
-@dataclass(frozen=True)
-class Road:
-    """The slow force (n,), m/s^2, the passes that repeat it (None: no pass), and the probability of names."""
-
-    force: Array
-    lock: RoadLock | None
-    tree: Tree
-
-    def named(self) -> Named:
-        """The road as a `Named`, since no kernel of the simulator's residual contains it."""
-        return Named(self.tree.first, self.tree, 0.0, self.force)
+OTHER = 0.05  # weight of a slow force that is neither slope, wind nor gain
+GAIN_DOUBT = 0.1  # relative error that the engine's fitted gain may have
+BRAKE_S, BRAKING = 2.0, 0.02  # braking is left out until it has let go, s and share of the hardest
+FAST_S = 8.0  # changes within so long are no road's
+SMOOTH_S = 0.7
+LAGS_S = (0.5, 1.0)  # of the force behind torque or fuel
+SLOWEST = 5.0  # m/s
+DOUBTFUL = 2.0  # robust sds from where a sample counts less
 
 
-def road(e: Evidence) -> Road | None:
-    """The road, for a learned simulator without a recorded slope; None if no force is slow."""
+def road(search: Regression) -> Named | None:
+    """The slow force along the drives of a regression, (n,) and 0 where it is unknown, by its most probable
+    name, for a learned simulator without a recorded slope; None if no force is slow."""
+    e = search.e.everywhere()
     if e.known_physics or e.has("grade") or e.has(FELT):
         return None
-    line = plain_truck(e)
-    if line is None:
+    plain = plain_truck(e)
+    if plain is None:
         return None
-    known = np.isfinite(line.left)
-    sigma = float(1.4826 * np.median(np.abs(line.left[known])))
-    slow = slow_force(e, np.where(known, line.left, 0.0), known.astype(float), sigma, line.doubt)
-    if slow is None:
+    force, known = _slow_part(e, plain)
+    rms, speed = float(np.std(force[known])), np.maximum(e["speed"], 3.0)
+    sd = 1.4826 * float(np.median(np.abs(plain.left[plain.used])))
+    noise = e.rules.tolerance * sd / np.sqrt(2.0 * np.sqrt(np.pi) * FAST_S / e.dt)  # of the smoothed rest
+    doubt = GAIN_DOUBT * float(np.std(plain.engine[plain.used]))
+    if rms < max(float(np.hypot(e.rules.slow_force, doubt)), noise):
         return None
-    lock = road_lock(e, slow.force)
-    return Road(slow.force, lock, _by_size(slow.needed) if lock is None else _tree(e, lock))
+    # the force of one unit of each cause, and the largest rms that it can have
+    causes = {
+        "road_grade": (np.full(len(e), GRAVITY), STEEPEST),
+        "headwind": (2.0 * e["drag"] / speed, STRONGEST_WIND),
+        "torque_derate": (np.maximum(plain.engine, 0.0), LARGEST_DERATE),
+    }
+    offered = {m.effect for m in search.library}
+    weight = {
+        name: float(np.exp(-0.5 * (2.0 * _needed(force, unit, known) / most) ** 2))
+        for name, (unit, most) in causes.items()
+        if name in offered
+    } | {UNKNOWN: OTHER}
+    tree = Tree({name: w / sum(weight.values()) for name, w in weight.items()})
+    return Named(tree.first, tree, 0.0, force)
 
 
-def _by_size(needed: Mapping[str, float]) -> Tree:
-    """Probabilities of names from the size that each would need relative to the largest possible one, two
-    standard deviations."""
-    weight = {n: float(np.exp(-0.5 * (2.0 * size / LARGEST[n]) ** 2)) for n, size in needed.items()}
-    weight[UNKNOWN] = OTHER
-    total = sum(weight.values())
-    return Tree({name: w / total for name, w in weight.items()})
+def _needed(force: Array, unit: Array, known: Mask) -> float:
+    """Rms size of a cause with the effect `unit` that makes the force (n,), where it has any effect."""
+    acts = known & (unit > 0.3 * float(np.mean(unit[known])))
+    if not acts.any():
+        return float("inf")
+    return float(np.sqrt(np.mean(force[acts] ** 2) / np.mean(unit[acts] ** 2)))
 
 
-def _tree(e: Evidence, lock: RoadLock) -> Tree:
-    """Probabilities of names from the number of windows that agree with another pass better than 99 % do by
-    chance. Either direction may agree by chance, and a road has the prior probability one half."""
-    beside = sum(float(np.ptp(e["distance"][s.rows])) // LENGTH_M for s in e.drives)
-    again = max(lock.same_way_km, lock.other_way_km) * 1000.0 / LENGTH_M
-    by_chance = min(2.0 * float(gammainc(again, (1.0 - Limits.by_chance) * max(beside, 1.0))), 1.0)  # Poisson
-    p = 1.0 / (1.0 + by_chance)
-    slope = 1.0 if lock.other_way_km else ONE_WAY  # a surface slows either way
-    return Tree({SLOPE: p * slope, SURFACE: p * (1.0 - slope), UNKNOWN: 1.0 - p})
-
-
-STEP_M, LENGTH_M = 100.0, 6000.0  # a shorter window of a smooth profile is like many others
-WIDTH = int(LENGTH_M / STEP_M)
-EVERY = 8  # steps between the windows that are sought again
+def _slow_part(e: Evidence, plain: PlainTruck) -> tuple[Array, Mask]:
+    """The slow part (n,) of what a plain truck leaves, less its mean and 0 where unknown, and where it is
+    known (n,)."""
+    width = FAST_S / e.dt
+    amount = gaussian_filter1d(plain.used.astype(float), width)
+    smooth = gaussian_filter1d(np.where(plain.used, plain.left, 0.0), width) / np.maximum(amount, 1e-3)
+    known = e.valid & (amount > 0.2 * float(np.median(amount[e.valid])))
+    return np.where(known, smooth - float(np.mean(smooth[known])), 0.0), known
 
 
 @dataclass(frozen=True)
-class RoadLock:
-    """Distance (km) over which the force was repeated by a pass in the same and in the other direction."""
+class PlainTruck:
+    """The engine's force per mass of a plain truck (n,), the acceleration (n,) that its forces leave, m/s^2,
+    and the rows used (n,)."""
 
-    same_way_km: float
-    other_way_km: float
+    engine: Array
+    left: Array
+    used: Mask
 
 
-def road_lock(e: Evidence, force: Array) -> RoadLock | None:
-    """Where a slow specific force (n,) was repeated; None if no road was driven twice."""
-    windows = _windows(e, force)
-    picked = np.arange(0, len(windows.at), EVERY)
-    if len(picked) < Limits.road_windows / Limits.road_share:
+def plain_truck(e: Evidence) -> PlainTruck | None:
+    """The plain truck along the drives whose engine's force explains the fast changes best; None if none
+    does, or no engine signal was recorded."""
+    speed = e["speed"]
+    observed = np.concatenate([[0.0], np.diff(speed)]) / e.dt
+    used = e.valid & (speed > SLOWEST) & ~e.starts & np.isfinite(observed)
+    if e.has("brake_command"):
+        command = np.nan_to_num(e["brake_command"])
+        used &= e.lag(command, BRAKE_S) < BRAKING * max(float(command.max(initial=0.0)), 1e-9)
+    if used.sum() * e.dt < Limits.line_s:
         return None
-    all_of_them = windows.centred()
-    a = all_of_them[picked]
-
-    def agreement(sought: Array) -> Array:
-        """How well each agrees with the most similar window elsewhere."""
-        return np.asarray(_elsewhere(windows, picked, similarity(sought, all_of_them)).max(axis=1))
-
-    same, other = agreement(a), agreement(turned(a))
-    chance = np.concatenate([agreement(-a), agreement(-turned(a))])
-    limit = float(np.quantile(chance, Limits.by_chance))
-    same_km, other_km = _beyond_chance(same > limit), _beyond_chance(other > limit)
-    return RoadLock(same_km, other_km) if same_km or other_km else None
+    friction = np.nan_to_num(e.signals.get("engine_speed", 0 * speed)) / np.maximum(speed, 3.0)
+    y, slows = _fast(e, observed)[used], -_fast(e, friction)[used]
+    fits = (_fitted(y, np.stack([_fast(e, x)[used], slows], axis=1), x, friction) for x in _pulls(e))
+    r2, engine = max(fits, key=lambda fit: fit[0], default=(0.0, speed))
+    if r2 <= Limits.line_r2:
+        return None
+    left = observed - engine + 0.5 * AIR_DENSITY * e.vehicle.drag_area / e.mass * speed**2
+    return PlainTruck(engine, left - np.median(left[used]), used)
 
 
-def _beyond_chance(found: Mask) -> float:
-    """Kilometres of the repeated windows; 0 if there are no more than chance would give."""
-    km = round(EVERY * STEP_M / 1000.0 * int(found.sum()), 1)
-    enough = found.mean() >= Limits.road_share and km >= Limits.road_windows * LENGTH_M / 1000.0
-    return km if enough else 0.0
+def _pulls(e: Evidence) -> Iterator[Array]:
+    """Signals (n,) that the engine's force at the wheels may be proportional to."""
+    one_gear = [e["engine_command"]] if "engine_command" in e.signals else []
+    for pull in (*(x for x, _ in tractions(e.signals, np.maximum(e["speed"], 3.0))), *one_gear):
+        if np.isfinite(pull[e.valid]).mean() >= 0.5:
+            yield np.nan_to_num(pull)
+            yield from (e.lag(pull, lag_s) for lag_s in LAGS_S)
 
 
-def _windows(e: Evidence, force: Array) -> Windows:
-    """The windows along each recording, over valid rows."""
-    profiles = []
+def _fitted(y: Array, X: Array, pull: Array, friction: Array) -> tuple[float, Array]:
+    """The r2 of fast changes y (m,) by those of traction and friction X (m, 2); the engine's force per mass
+    (n,)."""
+    size = np.maximum(np.abs(X).mean(axis=0), 1e-12)
+
+    def off(b: Array) -> Array:
+        return np.asarray(y - X @ (b / size))
+
+    b, robust = np.full(2, 1e-3), DOUBTFUL * 1.4826 * float(np.median(np.abs(y))) + 1e-9
+    for _ in range(2):  # the second time with the noise of what the first one leaves
+        b = least_squares(off, b, bounds=(0.0, np.inf), loss="cauchy", f_scale=robust).x
+        robust = DOUBTFUL * 1.4826 * float(np.median(np.abs(off(b)))) + 1e-9
+    weight = 1.0 / (1.0 + (off(b) / robust) ** 2)
+    r2 = 1.0 - float(weight @ off(b) ** 2) / max(float(weight @ y**2), 1e-12)
+    return r2, b[0] / size[0] * pull - b[1] / size[1] * friction
+
+
+def _fast(e: Evidence, x: Array) -> Array:
+    """The signal minus its slow part, for each recording."""
+    out = np.empty_like(x)
     for s in e.drives:
-        along, known = e["distance"][s.rows], e.valid[s.rows]
-        if known.any():
-            ends = [along[0], *along[known], along[-1]]
-            value = force[s.rows][known]
-            profiles.append((np.array(ends), np.array([value[0], *value, value[-1]])))
-    return Windows.of(profiles)
-
-
-def _elsewhere(windows: Windows, picked: Indices, alike: Array) -> Array:
-    """The similarity (p, m) of `picked` windows with all windows that do not overlap them."""
-    for row, i in enumerate(picked):
-        here = (windows.profile == windows.profile[i]) & (np.abs(windows.at - windows.at[i]) < LENGTH_M)
-        alike[row, here] = -1.0
-    return alike
-
-
-@dataclass(frozen=True)
-class Windows:
-    """Windows of profiles (m, WIDTH), the index of each one's profile, and where it begins there (m)."""
-
-    values: Array
-    profile: Indices
-    at: Array
-
-    @staticmethod
-    def of(profiles: Sequence[tuple[Array, Array]]) -> Windows:
-        """Every window of LENGTH_M along profiles of (distance, value), STEP_M apart."""
-        parts, which, at = [np.zeros((0, WIDTH))], [np.zeros(0, dtype=np.intp)], [np.zeros(0)]
-        for i, (distance, value) in enumerate(profiles):
-            grid = steps(distance)
-            if len(grid) < WIDTH:
-                continue
-            made = np.lib.stride_tricks.sliding_window_view(np.interp(grid, distance, value), WIDTH)
-            parts.append(made)
-            which.append(np.full(len(made), i))
-            at.append(grid[: len(made)])
-        return Windows(np.concatenate(parts), np.concatenate(which), np.concatenate(at))
-
-    def centred(self) -> Array:
-        """The windows minus their means, which sensors and loads change between recordings."""
-        out: Array = self.values - self.values.mean(axis=1, keepdims=True)
-        return out
-
-
-def steps(distance: Array) -> Array:
-    """Positions STEP_M apart over a distance (n,), m."""
-    return np.arange(distance[0], distance[-1], STEP_M) if len(distance) else np.zeros(0)
-
-
-def turned(windows: Array) -> Array:
-    """Windows (m, k) of slopes as seen in the opposite driving direction."""
-    return -windows[:, ::-1]
-
-
-def similarity(sought: Array, among: Array) -> Array:
-    """Agreement of windows (a, k) with others (b, k), both without means, (a, b): 1 if equal, 0 if unrelated;
-    size counts too."""
-    size = np.sum(sought**2, axis=1)[:, None] + np.sum(among**2, axis=1)[None]
-    out: Array = 2.0 * (sought @ among.T) / (size + 1e-12)
+        part = gaussian_filter1d(np.nan_to_num(x[s.rows]), SMOOTH_S / e.dt, mode="reflect")
+        out[s.rows] = part - gaussian_filter1d(part, FAST_S / e.dt, mode="reflect")
     return out

@@ -39,18 +39,14 @@ def test_a_lever_is_unknown_where_the_engine_speed_is() -> None:
     assert set(nothing) == {"speed"}
 
 
-def test_traction_is_taken_from_the_first_of_torque_command_and_fuel() -> None:
+def test_traction_is_taken_from_torque_command_and_fuel_in_this_order() -> None:
     speed, one = np.full(3, 10.0), np.ones(3)
     known = {"engine_torque": 3 * one, "engine_speed": 100 * one, "engine_command": 2 * one, "fuel_rate": one}
-    measured, factor = components._traction(known, speed)
-    assert measured == pytest.approx(30.0) and factor == components.DRIVELINE
-    del known["engine_torque"]
-    commanded, factor = components._traction(known, speed)
-    assert commanded == pytest.approx(20.0) and factor == 0.0
-    del known["engine_speed"]
-    burnt, factor = components._traction(known, speed)
-    assert burnt == pytest.approx(0.1) and factor > 1e4
-    assert components._traction({}, speed) == (None, 0.0)
+    (measured, driveline), (commanded, unknown), (burnt, efficiency) = components.tractions(known, speed)
+    assert measured == pytest.approx(30.0) and driveline == components.DRIVELINE
+    assert commanded == pytest.approx(20.0) and unknown == 0.0
+    assert burnt == pytest.approx(0.1) and efficiency > 1e4
+    assert not list(components.tractions({}, speed))
 
 
 def test_the_noise_of_two_sensors_moves_no_lever() -> None:

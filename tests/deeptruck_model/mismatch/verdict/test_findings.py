@@ -25,7 +25,6 @@ from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.verdict import wording
 from deeptruck_model.mismatch.verdict.findings import _alternatives, _finding, findings
 from deeptruck_model.mismatch.verdict.result import Conclusion, Finding, Kind, Verdict
-from deeptruck_model.mismatch.verdict.road import Road
 
 RULES = Rules()
 ROAD = np.tile(0.08 * np.sin(np.arange(N // 3) / 90.0) * np.sin(np.arange(N // 3) / 230.0), 3)
@@ -91,7 +90,7 @@ def test_a_road_that_was_recovered_is_the_one_finding_of_its_name() -> None:
     """The residual of a learned truck has a rest of the slope that the recordings have whole."""
     c, whole = compared(SLOW), 3.0 * FORCES[SLOW]
     rest = Named("road_grade", Tree({"road_grade": 1.0}), 50.0, 0.1 * whole)
-    road = Road(whole, None, Tree({"road_grade": 0.95, UNKNOWN: 0.05}))
+    road = Named("road_grade", Tree({"road_grade": 0.95, UNKNOWN: 0.05}), 500.0, whole)
     both = findings(replace(c, names=replace(c.names, found=(rest,))), None, road, 1.0, RULES.visible)
     (one,) = (f for f in both if f.effect == "road_grade")
     assert one.force is whole
