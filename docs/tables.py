@@ -13,7 +13,7 @@ from typing import Any
 
 from deeptruck_core.signals import CHANNELS
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS, SENSOR_ERRORS
+from deeptruck_model.mismatch.mechanisms.families import PARAMETER_ERRORS, SENSOR_ERRORS
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings.not_recorded import INPUTS
 from deeptruck_model.recordings.units import canonical_units

@@ -34,7 +34,7 @@ deeptruck_model.mismatch.residual.expression: memory | deeptruck_model/mismatch/
 deeptruck_model.mismatch.mechanisms: brakes commands | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
 deeptruck_model.mismatch.mechanisms: driveline engine | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
 deeptruck_model.mismatch.mechanisms: engine_drag load | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
-deeptruck_model.mismatch.mechanisms: road | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
+deeptruck_model.mismatch.mechanisms: air_tyres_road | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
 deeptruck_core.pages: document style | deeptruck_model/compare/test_comparison.py
 deeptruck_model.recordings: bag_file bag_storage | deeptruck_model/recordings/test_bad_bags.py
 deeptruck_model.recordings: mcap_chunks message_definitions | deeptruck_model/recordings/test_bad_bags.py

@@ -9,7 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
+from deeptruck_model.mismatch.mechanisms.families import PARAMETER_ERRORS
 from deeptruck_model.mismatch.rules import Limits, Rules
 
 ROOT = Path(__file__).parents[3]

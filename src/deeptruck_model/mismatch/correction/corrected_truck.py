@@ -19,7 +19,6 @@ from deeptruck_core.json_data import from_json, to_json
 from deeptruck_core.signals import FELT, TruckInterface
 from deeptruck_model.mismatch.correction.added import Added, State, TruckWithForces
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, build, saved
-from deeptruck_model.mismatch.mechanisms.carriers import CARRIERS
 from deeptruck_model.mismatch.mechanisms.families import joined
 from deeptruck_model.mismatch.mechanisms.own import EXTRA
 from deeptruck_model.mismatch.residual import effective_mass
@@ -46,6 +45,24 @@ EXOGENOUS = (
 # 4: terms were settings by name, and not variants. 5: a term could be confined to a regime.
 # 6: a variant was a class of its own, and not a form of its mechanism.
 SCHEMA = 7
+
+# Forces of a physics truck that scale those of mechanisms: a headwind, for example, is a share of the drag.
+CARRIERS = {
+    "engine": "torque_gain",
+    "brake": "brake_gain",
+    "drag": "drag_area",
+    "rolling": "rolling_resistance",
+}
+
+
+def factors(fitted_at: Mapping[str, float], moved: Mapping[str, float]) -> dict[str, float]:
+    """Ratios of every force per mass at the parameters of the fit to that of a truck with `moved`; both are
+    relative changes of the simulator's parameters."""
+
+    def ratio(name: str) -> float:
+        return (1.0 + fitted_at.get(name, 0.0)) / (1.0 + moved.get(name, 0.0))
+
+    return {force: ratio(parameter) / ratio("mass") for force, parameter in CARRIERS.items()}
 
 
 @dataclass(frozen=True)

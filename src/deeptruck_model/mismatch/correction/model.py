@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from deeptruck_core.arrays import Array, Mask
-from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term, factors
 from deeptruck_model.mismatch.correction.fit_result import Interval, Refitted
 from deeptruck_model.mismatch.correction.forms import (
     NamedForce,
@@ -22,9 +22,7 @@ from deeptruck_model.mismatch.correction.forms import (
     simplest_terms,
 )
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
-from deeptruck_model.mismatch.mechanisms.carriers import factors
-from deeptruck_model.mismatch.mechanisms.families import UNKNOWN
-from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
+from deeptruck_model.mismatch.mechanisms.families import PARAMETER_ERRORS, UNKNOWN
 from deeptruck_model.mismatch.posterior.names import Compared
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, PINNED, Model, Regression

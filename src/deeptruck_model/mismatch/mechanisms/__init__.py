@@ -1,14 +1,13 @@
 """The library: one record for each mechanism that the tool can name, in tables by subject."""
 
 from deeptruck_model.mismatch.mechanisms import (
-    air_and_tyres,
+    air_tyres_road,
     brakes,
     commands,
     driveline,
     engine,
     engine_drag,
     load,
-    road,
 )
 from deeptruck_model.mismatch.mechanisms.own import Library
 from deeptruck_model.mismatch.mechanisms.record import Column, Curve, Form, Mechanism, Variant, variant
@@ -24,7 +23,7 @@ from deeptruck_model.mismatch.mechanisms.terms import (
 
 LIBRARY = Library(
     m
-    for table in (brakes, air_and_tyres, road, engine, engine_drag, driveline, load, commands)
+    for table in (brakes, air_tyres_road, engine, engine_drag, driveline, load, commands)
     for m in table.MECHANISMS
 )
 

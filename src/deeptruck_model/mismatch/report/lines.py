@@ -9,8 +9,7 @@ from deeptruck_core.signals import Said, Speed, printed
 from deeptruck_core.vehicle_kinds import LEAST_SPEED
 from deeptruck_model.mismatch.correction.fit_result import Strength
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
-from deeptruck_model.mismatch.mechanisms.families import FAMILY, LEFT_OVER, UNKNOWN
-from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
+from deeptruck_model.mismatch.mechanisms.families import FAMILY, LEFT_OVER, PARAMETER_ERRORS, UNKNOWN
 from deeptruck_model.mismatch.posterior.budget import Part
 from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.posterior.names import Node

@@ -17,12 +17,12 @@ from deeptruck_model.mismatch.mechanisms.families import (
     EACH_DRIVE,
     FAMILY,
     LEFT_OVER,
+    PARAMETER_ERRORS,
     PLACE,
     ROOT,
     SLOW,
     UNKNOWN,
 )
-from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
 from deeptruck_model.mismatch.posterior.budget import Budget
 from deeptruck_model.mismatch.posterior.names import Compared, Named, Tree
 from deeptruck_model.mismatch.prepare.drives import NotRecorded

@@ -11,14 +11,16 @@ import pytest
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_model import simulators, trucks
-from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term, factors
 from deeptruck_model.mismatch.mechanisms import saved, variant
-from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
+from deeptruck_model.mismatch.mechanisms.air_tyres_road import NOBODY_M
 from deeptruck_model.mismatch.prepare.prepared import fed
 from deeptruck_model.mismatch.residual.components import Shares
 
 BASE = trucks.load("trucksim")
 CONSTANT = [saved.to_json(variant("constant"))]
+WIND = Term("headwind", (variant("one wind", wind_m_s=4.0),), (1.2,))
+MORE = {"drag_area": 0.33, "mass": 0.2}
 STEADY = Term("dragging_brake", (variant("constant"),), (0.05,))
 SHARES = Shares([0.0, 30.0], [1e-3, 1e-3], [0.02, 0.02], [20.0, 8.0], 2e-4, 0.06, 2e4)
 
@@ -283,3 +285,33 @@ def test_a_truck_corrected_by_another_version_is_refused(tmp_path: Path, version
     file.write_text(json.dumps(json.loads(file.read_text()) | {"schema": version}))
     with pytest.raises(InputError, match="run the mismatch tool again"):
         simulators.load(tmp_path / "old")
+
+
+def by_wind(moved: dict[str, float], by: dict[str, float] | None) -> np.ndarray:
+    """What the wind adds to the acceleration at 20 m/s, (n,)."""
+    y0 = np.zeros((1, len(BASE.interface.y)))
+    y0[0, list(BASE.interface.y).index("speed")] = 20.0
+    u, w = np.zeros((1, 4, len(BASE.interface.u))), np.zeros((1, 4, len(BASE.interface.w)))
+    windy, calm = (
+        simulators.free_run(CorrectedTruck(BASE, terms, moved, None, False, (), by), u, w, y0).y[0, 1:]
+        for terms in ([WIND], [])
+    )
+    return np.asarray(windy[:, ACCELERATION] - calm[:, ACCELERATION])
+
+
+def test_where_nothing_moved_forces_are_as_they_were() -> None:
+    assert set(factors({}, {}).values()) == {1.0}
+    assert set(factors(MORE, MORE).values()) == {1.0}
+
+
+def test_a_force_keeps_its_size_in_a_truck_with_less_drag() -> None:
+    there, here = by_wind(MORE, None), by_wind({}, factors(MORE, {}))
+    assert here == pytest.approx(there, rel=0.01)
+    assert abs(by_wind({}, None)[0] / there[0] - 1.0) > 0.05  # without, it does not
+
+
+def test_a_correction_is_the_same_once_it_was_written(tmp_path: Path) -> None:
+    by = factors(MORE, {})
+    CorrectedTruck(BASE, [WIND], {}, None, True, (), by).save(tmp_path / "sim")
+    read = simulators.load(tmp_path / "sim")
+    assert isinstance(read, CorrectedTruck) and read._carried == pytest.approx(by)

@@ -20,7 +20,7 @@ from deeptruck_model.mismatch.correction.free_runs import (
     interval,
 )
 from deeptruck_model.mismatch.mechanisms import variant
-from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
+from deeptruck_model.mismatch.mechanisms.air_tyres_road import NOBODY_M
 from deeptruck_model.mismatch.prepare.prepared import Prepared, prepare
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.trucks import driving_cycles

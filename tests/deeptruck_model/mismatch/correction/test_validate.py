@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.correction.model import Correction
 from deeptruck_model.mismatch.correction.validate import _better, _falls, _log_ratio, validate
 from deeptruck_model.mismatch.folders import CORRECTION
 from deeptruck_model.mismatch.mechanisms import variant
-from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
+from deeptruck_model.mismatch.mechanisms.air_tyres_road import NOBODY_M
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives
 from deeptruck_model.mismatch.prepare.prepared import Prepared, prepare
 from deeptruck_model.mismatch.rules import Rules

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.mechanisms.families import FAMILY, ROOT, SLOW, UNKNOWN
-from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
+from deeptruck_model.mismatch.mechanisms.families import FAMILY, PARAMETER_ERRORS, ROOT, SLOW, UNKNOWN
 from deeptruck_model.mismatch.posterior.names import Explanation, Names, Tree, names
 from deeptruck_model.mismatch.residual.evidence import DriveRows
 from deeptruck_model.mismatch.residual.gather import REFIT_PARAMETERS

@@ -11,7 +11,7 @@ from small_drives import FORCES, N, evidence, posterior_of, regression
 
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import FELT, FELT_SD
-from deeptruck_model.mismatch.mechanisms.air_and_tyres import HEADWIND
+from deeptruck_model.mismatch.mechanisms.air_tyres_road import HEADWIND
 from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, SLOW
 from deeptruck_model.mismatch.posterior.kernels import kernels
 from deeptruck_model.mismatch.posterior.names import names

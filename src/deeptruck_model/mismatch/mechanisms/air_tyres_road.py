@@ -1,13 +1,22 @@
-"""Air and tyres: wind, drafting, rolling resistance, slip."""
+"""Air, tyres and road: wind, drafting, rolling resistance, slip; slope and surface over distance."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import FELT
-from deeptruck_model.mismatch.mechanisms.courses import always, each_drive, each_wind, from_moments, slowly
+from deeptruck_model.mismatch.mechanisms.courses import (
+    Course,
+    along_the_road,
+    always,
+    each_drive,
+    each_wind,
+    from_moments,
+    slowly,
+)
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, force, grid
 from deeptruck_model.mismatch.mechanisms.symbols import (
     ACTS,
@@ -43,6 +52,9 @@ SIDE = 0.4  # sd of the drag that wind from the side adds, SAE J1252: 5 to 10 % 
 PER_SQUARE = DRAG / maximum(SPEED, CRAWL_SPEED) ** 2
 LEAST_GRIP = 0.35  # m/s^2: ice, 0.1, under the driven axle of a truck, 0.35 of its weight
 HOLDS = 1e3  # m/s^2: tyres that never slip
+HILLY = 0.02  # sd of the slope of a hilly road
+ROUGH = 0.1  # m/s^2: soft ground
+WET = 0.02  # m/s^2: a third of what tyres take, from one whole drive to another
 
 
 def _wind(wind_m_s: float) -> Column:
@@ -273,6 +285,52 @@ WHEEL_SLIP = Mechanism(
     prior=0.2,
 )
 
+SLOPE = Column(lift(-GRAVITY), HILLY, "grade", "ratio", sign=0)
+FELT_SHARE = Column(-GRAVITY * Signal(FELT), 0.1, "share of the slope that was felt", mean=1.0)
+
+
+def _unless_felt(e: Evidence, carrier: Expression) -> Iterator[Course]:
+    """Profiles where no accelerometer says what the slope is."""
+    if not e.has(FELT):
+        yield from along_the_road(HILLY)(e, carrier)
+
+
+ROAD_GRADE = Mechanism(
+    "road_grade",
+    "air_tyres_road",
+    says="the road has a slope the simulator does not know",
+    equation="F = -m g s(x)",
+    needs=("distance",),
+    depends_on=("distance along the road",),
+    source="definition of grade",
+    manoeuvre="drive the same section in both directions",
+    forms={
+        # where none was recorded it may be the same everywhere; else that is the sensor's zero
+        "constant": Form(lambda: SLOPE, lambda e: () if e.has("grade") or e.has(FELT) else ({},)),
+        "profile": Form(lambda: SLOPE, courses=(_unless_felt,), steady=False),
+        "felt": Form(lambda: FELT_SHARE, needs=(FELT,)),
+    },
+    prior_with={"grade": 0.2},  # where it would show
+    of_input="grade",
+)
+
+ROAD_SURFACE = Mechanism(
+    "road_surface",
+    "air_tyres_road",
+    says="the road rolls harder, on sections or on whole drives",
+    equation="F = -m c(x), c >= 0, or one c in each recording",
+    needs=("distance",),
+    depends_on=("distance along the road", "recording"),
+    source="rolling resistance of road textures: MIRIAM project",
+    manoeuvre="drive the same section in both directions",
+    forms={
+        # another road, or rain
+        "each drive": Form(lambda: force(lift(-1.0), WET, sign=0), courses=(each_drive(more_than=2),)),
+        "profile": Form(lambda: force(lift(-1.0), ROUGH), courses=(along_the_road(ROUGH),)),
+    },
+    prior=0.05,  # what is not the same on the next pass is any drag that is time-varying
+)
+
 MECHANISMS = (
     HEADWIND,
     DRAFTING,
@@ -280,4 +338,6 @@ MECHANISMS = (
     ROLLING_RESISTANCE_SPEED,
     ROLLING_RESISTANCE_WARMUP,
     WHEEL_SLIP,
+    ROAD_GRADE,
+    ROAD_SURFACE,
 )
