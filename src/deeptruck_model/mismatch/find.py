@@ -21,8 +21,8 @@ from deeptruck_model.mismatch.mechanisms.own import check_extras, checked, not_c
 from deeptruck_model.mismatch.posterior.budget import budget
 from deeptruck_model.mismatch.posterior.events import with_events
 from deeptruck_model.mismatch.posterior.names import Compared, names
-from deeptruck_model.mismatch.posterior.own_error import with_reference_error
 from deeptruck_model.mismatch.posterior.posterior import gains
+from deeptruck_model.mismatch.posterior.reference_error import with_reference_error
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives, Span, prepare_drives

@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.correction.free_runs import (
 )
 from deeptruck_model.mismatch.correction.model import Correction
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
-from deeptruck_model.mismatch.posterior.own_error import reference_drives
+from deeptruck_model.mismatch.posterior.reference_error import reference_drives
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives
 from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.residual.evidence import Evidence

@@ -24,8 +24,8 @@ from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, 
 from deeptruck_model.mismatch.live.questions import DriveState, Quantity, State
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, candidate_term, variant
 from deeptruck_model.mismatch.posterior.kernels import Kernel
-from deeptruck_model.mismatch.posterior.own_error import with_reference_error
 from deeptruck_model.mismatch.posterior.posterior import DRIFT_ODDS, Posterior, posterior
+from deeptruck_model.mismatch.posterior.reference_error import with_reference_error
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.prepare.drives import clean, same_signals
 from deeptruck_model.mismatch.prepare.prepared import Prepared, learned, prepare

@@ -43,20 +43,20 @@ def with_reference_error(
         return e
     drives = reference_drives(simulator, measured_acceleration)
     try:
-        own = gather(simulator, drives, [False] * len(drives), seed=seed, rules=e.rules) if drives else None
+        run = gather(simulator, drives, [False] * len(drives), seed=seed, rules=e.rules) if drives else None
     except InputError:
-        own = None
-    if own is None:
+        run = None
+    if run is None:
         smooth = _second_means(e)
         off = min(Limits.usual_discrepancy, 1.4826 * float(np.median(np.abs(smooth))))
         return replace(e, model_discrepancy=off, learned_slow_noise=max(off, e.rules.slow_noise))
-    own = without_roads(own)  # of its own recordings, which are none of its errors
-    quiet = np.sort(np.abs(_second_means(own)))[: int((1.0 - JOLTS) * own.valid.sum())]
-    own = replace(
-        own, model_discrepancy=float(np.sqrt(np.mean(quiet**2))), learned_slow_noise=_slow_noise(own)
+    run = without_roads(run)  # of these recordings, which are none of its errors
+    quiet = np.sort(np.abs(_second_means(run)))[: int((1.0 - JOLTS) * run.valid.sum())]
+    run = replace(
+        run, model_discrepancy=float(np.sqrt(np.mean(quiet**2))), learned_slow_noise=_slow_noise(run)
     )
     return replace(
-        e, model_discrepancy=own.model_discrepancy, learned_slow_noise=own.slow_noise, reference=own
+        e, model_discrepancy=run.model_discrepancy, learned_slow_noise=run.slow_noise, reference=run
     )
 
 
@@ -67,12 +67,12 @@ def _second_means(e: Evidence) -> Array:
     return out
 
 
-def _slow_noise(own: Evidence) -> float:
-    """Sd (m/s^2) of means over SLOW_NOISE_S due to the simulator's own error, also for other drives."""
-    per = max(1, round(SLOW_NOISE_S / own.dt))
+def _slow_noise(run: Evidence) -> float:
+    """Sd (m/s^2) of means over SLOW_NOISE_S due to the simulator's error, also for other drives."""
+    per = max(1, round(SLOW_NOISE_S / run.dt))
     means = [0.0]
-    for s in own.drives:
+    for s in run.drives:
         rows = np.arange(s.start, s.start + (s.stop - s.start) // per * per).reshape(-1, per)
-        means += own.residual[rows[own.valid[rows].all(axis=1)]].mean(axis=1).tolist()
+        means += run.residual[rows[run.valid[rows].all(axis=1)]].mean(axis=1).tolist()
     spread = 1.4826 * float(np.median(np.abs(means)))
-    return max(own.rules.slow_noise, own.rules.tolerance * spread)
+    return max(run.rules.slow_noise, run.rules.tolerance * spread)

@@ -11,8 +11,12 @@ import pytest
 from small_drives import alike
 
 from deeptruck_model.mismatch.posterior.names import Names, names
-from deeptruck_model.mismatch.posterior.own_error import _slow_noise, reference_drives, with_reference_error
 from deeptruck_model.mismatch.posterior.posterior import posterior
+from deeptruck_model.mismatch.posterior.reference_error import (
+    _slow_noise,
+    reference_drives,
+    with_reference_error,
+)
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits, Rules
