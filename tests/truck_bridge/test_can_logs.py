@@ -88,6 +88,7 @@ def test_a_torque_byte_of_zero_is_no_torque(tmp_path):
     assert np.nanmin(r.channels["engine_command"]) == pytest.approx(25.0)
     assert np.nanmin(r.channels["engine_torque"]) == pytest.approx(500.0)
     assert np.isnan(r.channels["engine_command"][195:]).all()
+    assert any("Torque of -125 %, a byte of zero, left out" in note for note in r.notes)
 
 
 def test_signals_that_no_channel_needs_are_not_kept(tmp_path):

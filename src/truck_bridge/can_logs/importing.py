@@ -21,6 +21,7 @@ from truck_bridge.units import COMMANDS, of_command, to_si
 Series = tuple[Array, Array]
 
 NO_TORQUE = -125.0  # percent of a byte of zero, which a controller sends that starts or ends
+TORQUES = {(one.message, one.signal) for one in CARRIERS if one.of_reference}
 
 
 def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str, Series], dict[str, Any]]:
@@ -113,8 +114,6 @@ def _defaults(found: Decoding, torque: float) -> dict[str, Series]:
         if series is None or carrier.channel in channels:
             continue
         times, values = series
-        if carrier.of_reference:
-            times, values = times[values > NO_TORQUE], values[values > NO_TORQUE]
         if carrier.less is not None:
             less = _best(found, *carrier.less)
             values = values - np.interp(times, *less) if less is not None else values
@@ -161,15 +160,17 @@ def _best(found: Decoding, message: str, signal: str) -> Series | None:
 
 
 def _arrays(found: Decoding, key: tuple[str, str, int]) -> Series:
-    """Samples in the order of their stamps; the last one of equal stamps counts."""
+    """Samples in the order of their stamps; the last one of equal stamps counts, and a torque that no engine
+    has does not."""
     times, values = (np.array(part) for part in found.series[key])
     order = np.argsort(times, kind="stable")
     times, values = times[order], values[order]
     last = np.append(np.diff(times) > 0, True)
-    if not last.all():
-        remark = f"{(~last).sum()} samples of {key[0]}.{key[1]} with a repeated stamp left out"
-        found.account.remarks += [remark] if remark not in found.account.remarks else []
-    return times[last], values[last]
+    none = last & (values <= NO_TORQUE) & (key[:2] in TORQUES)
+    for out, what in ((~last, "with a repeated stamp"), (none, f"of {NO_TORQUE:g} %, a byte of zero,")):
+        remark = f"{out.sum()} samples of {key[0]}.{key[1]} {what} left out"
+        found.account.remarks += [remark] if out.any() and remark not in found.account.remarks else []
+    return times[last & ~none], values[last & ~none]
 
 
 def _chosen(found: Decoding, channel: str, spec: Any, torque: float) -> Series:
