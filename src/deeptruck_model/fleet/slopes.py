@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_model.mismatch.prepare.places import STEP_M, headed
@@ -69,7 +69,7 @@ def slopes(e: Evidence, drives: Sequence[Prepared]) -> list[dict[str, Any]]:
     return [row | {"variance": between} for rows in found.values() for row in rows]
 
 
-def mean_heading(degrees: NDArray[np.float64]) -> float:
+def mean_heading(degrees: Array) -> float:
     """Circular mean of headings (n,), degrees."""
     return float(np.degrees(np.angle(np.exp(1j * np.radians(degrees)).sum())) % 360.0)
 

@@ -15,9 +15,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import zeta
 from scipy.stats import binomtest, false_discovery_control, median_abs_deviation
+
+from deeptruck_core.arrays import Mask
 
 Nats = Mapping[str, float]
 
@@ -72,11 +73,11 @@ def p_value(value: float, references: Sequence[float]) -> float:
     return (1 + int(np.sum(np.asarray(references) >= value))) / (len(references) + 1)
 
 
-def discovered(p: Sequence[float], level: float) -> NDArray[np.bool_]:
+def discovered(p: Sequence[float], level: float) -> Mask:
     """Which hypotheses Benjamini and Hochberg's procedure rejects at a level, (n,)."""
     if not len(p):
         return np.zeros(0, dtype=bool)
-    out: NDArray[np.bool_] = false_discovery_control(np.asarray(p)) <= level + 1e-12
+    out: Mask = false_discovery_control(np.asarray(p)) <= level + 1e-12
     return out
 
 

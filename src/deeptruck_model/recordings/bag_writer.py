@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.files import Result
 from deeptruck_core.signals import CHANNELS, TruckInterface
@@ -21,8 +22,6 @@ from deeptruck_model.recordings.obeyed import COMMAND, ENGAGED
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, EXTRA_TOPIC
 from deeptruck_model.results import WRITTEN_BAG
-
-Array = NDArray[np.float64]
 
 EPOCH_NS = (
     1_000_000_000_000_000_000  # stamp of a recording's time 0: tables carry no date, and 0 means unstamped

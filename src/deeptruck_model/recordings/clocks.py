@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_model.checks import Clock
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 REORDER_NS = 1_000_000_000  # messages may overtake each other by this much; further back is a clock set back

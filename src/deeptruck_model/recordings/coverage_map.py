@@ -18,6 +18,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.json_data import to_json
 from deeptruck_core.pages.document import Folded, Picture, Table, document
@@ -28,8 +29,6 @@ from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.several import Drives, drives
 from deeptruck_model.recordings.splits import shared
 from deeptruck_model.results import COVERAGE
-
-Array = NDArray[np.float64]
 
 SLOW, FAST = Speed(4.0, 3), Speed(16.0, 3)
 SPEED_EDGES: Array = np.linspace(0.0, 40.0, 21)  # m/s
@@ -61,7 +60,7 @@ class Condition:
         return self.driven_s >= ENOUGH_IN_CONDITION_S
 
 
-def conditions(seconds: NDArray[np.float64]) -> tuple[Condition, ...]:
+def conditions(seconds: Array) -> tuple[Condition, ...]:
     """Driving conditions with their times, from the time `seconds` (speed, acceleration, grade) in
     each cell."""
     speed, acceleration = SPEED_EDGES[:-1], ACCELERATION_EDGES[:-1]
@@ -83,7 +82,7 @@ def conditions(seconds: NDArray[np.float64]) -> tuple[Condition, ...]:
     return tuple(Condition(name, float(part.sum())) for name, part in parts)
 
 
-def judgement(seconds: NDArray[np.float64], duration_s: float, commanded: bool) -> str:
+def judgement(seconds: Array, duration_s: float, commanded: bool) -> str:
     """One sentence: whether the recordings suffice for training, and the conditions in which they do not.
     `commanded` says whether a valid engine command was recorded."""
     if not commanded:
@@ -102,7 +101,7 @@ def _long(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 7200.0 else f"{seconds / 3600:.1f} h"
 
 
-def rows(seconds: NDArray[np.float64], units: str = "m/s") -> tuple[tuple[str, ...], ...]:
+def rows(seconds: Array, units: str = "m/s") -> tuple[tuple[str, ...], ...]:
     """Condition (speeds in `units`), time driven, and whether it suffices, as text."""
     return tuple(
         (shown(c.name, units), _long(c.driven_s), "yes" if c.enough else "no") for c in conditions(seconds)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from deeptruck_core.arrays import Array
 
 AXIS_M, ECCENTRICITY_SQUARED = 6378137.0, 0.00669437999  # half the long axis of WGS84
 

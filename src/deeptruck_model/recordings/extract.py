@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from deeptruck_core import reading
 from deeptruck_core.account import Account, moment
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 from deeptruck_model.checks import Clock, calls
@@ -27,7 +28,6 @@ from deeptruck_model.recordings.resample import MARGIN_S, Received, Resampler
 from deeptruck_model.recordings.schemas import DRIVEN_BY
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, EXTRA_TOPIC, Source, TopicMap, load, stated
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SIDEWAYS = 1.0  # m/s, rms: what moves so across its axis is written in another frame than the truck's
@@ -324,7 +324,7 @@ class _Drain:
             self.resampler.add(channel, one)
         self.resampler.advance(np.inf if until is None else (until - self.start) / 1e9 - MARGIN_S)
 
-    def _count(self, topic: str, part: Part, time: Array, blank: NDArray[np.bool_]) -> None:
+    def _count(self, topic: str, part: Part, time: Array, blank: Mask) -> None:
         total = self.account.total
         total.used += len(time) - int(blank.sum())
         if blank.any():

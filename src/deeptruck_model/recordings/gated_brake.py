@@ -12,12 +12,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.recording import Recording
-
-Array = NDArray[np.float64]
 
 COMMAND, SWITCH, UNIT = "brake_command", "brake_switch", "m/s^2"
 ENTRY = {"derive": "deceleration", "gate": SWITCH}

@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELEROMETER, ELEVATION, SLOPE_FROM
 from deeptruck_model.recordings.consistency.accelerometer import accelerometer
 from deeptruck_model.recordings.consistency.windows import CORRELATED, SCALE
 from deeptruck_model.recordings.recording import Recording
-
-Array = NDArray[np.float64]
 
 GRADE_WINDOW_M = 100.0
 _CELL_M = 5.0

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.formats import BAG as BAG_OF_FRAMES
 from deeptruck_core.formats import Kind, check_measurement, format_of, suffix_of
@@ -31,8 +31,6 @@ from deeptruck_model.recordings.tables.columns import Columns, load_columns
 from deeptruck_model.recordings.tables.samples import read_samples
 from deeptruck_model.recordings.topic_map import is_topic_map, load_yaml
 from deeptruck_model.results import BAG, apart
-
-Array = NDArray[np.float64]
 
 IMPORTERS = "deeptruck.importers"
 A_MAP = (

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import FAULTS
-
-Array = NDArray[np.float64]
 
 GAP_S = 1.5  # a hole longer than this, and than GAP_PERIODS of the source's own periods, is not bridged
 GAP_PERIODS = 3.0

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 
-Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Index = NDArray[np.int64]
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.signals import PERSON
 from deeptruck_core.vehicle_kinds import NO_COASTING, SURELY_BRAKING
 from deeptruck_model.recordings.recording import Recording
@@ -28,7 +28,7 @@ class Input:
     known: Callable[[Recording], bool]
 
 
-def unrecorded_braking(r: Recording, speed: NDArray[np.float64]) -> NDArray[np.bool_]:
+def unrecorded_braking(r: Recording, speed: Array) -> Mask:
     """Samples (n,) at which the truck brakes although its brake command never changes; `speed` (n,)
     in m/s."""
     command = r.channels["brake_command"]
@@ -36,9 +36,7 @@ def unrecorded_braking(r: Recording, speed: NDArray[np.float64]) -> NDArray[np.b
         np.nan_to_num(np.diff(speed, prepend=speed[:1]) / r.dt), max(round(1.0 / r.dt), 1)
     )
     never_moves = np.isfinite(command).any() and np.nanmin(command) == np.nanmax(command)
-    braked: NDArray[np.bool_] = (slowing < NO_COASTING) & bool(
-        never_moves and (slowing < SURELY_BRAKING).any()
-    )
+    braked: Mask = (slowing < NO_COASTING) & bool(never_moves and (slowing < SURELY_BRAKING).any())
     return braked
 
 

@@ -12,15 +12,12 @@ from dataclasses import replace
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_core.account import Account, moment
 from deeptruck_model.recordings.bag_source import BagSource
 from deeptruck_model.recordings.interpolate import GAP_S, Series, held
 from deeptruck_model.recordings.layout import Walker
 from deeptruck_model.recordings.topic_map import Source
-
-Array = NDArray[np.float64]
 
 COMMAND, DIAGNOSTICS = "/truck/command", "/diagnostics"
 ENGAGED = "engaged"

@@ -6,16 +6,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_core.account import Tally, moment
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import CHANNELS, TruckInterface, channel_of
 from deeptruck_model.recordings.consistency.impossible import impossible, lost_decimals, zero_changes
 from deeptruck_model.recordings.units import known_units
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 NEEDED = ("speed", "engine_command", "brake_command")
 _OF_UNITS = (*NEEDED, "grade")  # channels whose unit is questioned

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core.account import Account, Tally, moment
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model.recordings.consistency import accelerometer, agreement
@@ -32,8 +33,6 @@ from deeptruck_model.recordings.interpolate import (
 )
 from deeptruck_model.recordings.ranges import NEEDED, REVERSING, Range, Seen, reversing
 from deeptruck_model.recordings.recording import FROM_SPEED, Recording
-
-Array = NDArray[np.float64]
 
 MARGIN_S = 60.0  # samples this far around a tick are at hand when it is computed
 NO_SPEED = "recorded while there was no speed"

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.reading import plain
 from deeptruck_core.signals import TruckInterface
@@ -38,8 +38,6 @@ from deeptruck_model.recordings.words import (
     unit_by_range,
     words,
 )
-
-Array = NDArray[np.float64]
 
 _VECTOR = re.compile(r"(^|\.)([xyzw])$")
 _GENERIC = frozenset(("data", "value", "vector", "position", "point", "linear", "twist", "accel"))

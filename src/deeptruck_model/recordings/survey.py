@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core import reading
+from deeptruck_core.arrays import Array
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.checks import calls
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, BagSource
 from deeptruck_model.recordings.layout import STAMP, Columns, Layout, Walker
 from deeptruck_model.recordings.mcap_chunks import Batch
-
-Array = NDArray[np.float64]
 
 LONGEST_MESSAGE = 4096  # bytes; images and point clouds hold no channel of a truck and would take long
 LONGEST_ARRAY = 16  # elements of an array without names, of which each is a field

@@ -8,16 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_core import reading
+from deeptruck_core.arrays import Array
 from deeptruck_core.schema import check
 from deeptruck_core.signals import CHANNELS, FAULTS, SLOPE_FROM
 from deeptruck_model.recordings import gated_brake, schemas
 from deeptruck_model.recordings.schemas import DRIVEN_BY, EXTRA, PARTS
 from deeptruck_model.recordings.units import Conversion, conversion
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_core.reading import near
 from deeptruck_core.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS
-
-Array = NDArray[np.float64]
 
 DIESEL_DENSITY = 0.832  # g/cm^3 at 15 degC, middle of EN 590's 0.820 to 0.845
 

@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping
 
 import can
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.simulators import load as load_truck
 from deeptruck_model.trucks.accelerometer import Accelerometer
@@ -58,7 +58,7 @@ class EcuEmulator:
         y0 = np.zeros((1, len(self._truck.interface.y)))
         y0[0, 1] = speed
         self._state = self._truck.reset(y0)
-        self._y: NDArray[np.float64] = y0
+        self._y: Array = y0
         self._seen = self._truck.inside(self._state)
         self.distance = 0.0
         self._time: float | None = None

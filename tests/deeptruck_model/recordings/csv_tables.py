@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
+
 DATA = Path(os.environ.get("DEEPTRUCK_REAL_DATA", Path(__file__).parents[4] / "shared" / "data"))
 SPEED = {"speed": {"column": "v", "unit": "m/s"}}
 EVERYTHING = {
@@ -63,7 +65,6 @@ HILLY = {
 }
 
 
-Array = np.ndarray[Any, np.dtype[np.float64]]
 COLUMNS: dict[str, Any] = {
     "time": {"column": "t", "unit": "s"},
     "channels": {

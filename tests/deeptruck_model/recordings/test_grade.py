@@ -7,15 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from csv_tables import HILLY, hilly, write_csv
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import grade_from_elevation, import_table, read, write_bag
 from deeptruck_model.recordings.grade import felt_slope, with_slope
 from deeptruck_model.recordings.recording import Recording
 
-Array = NDArray[np.float64]
 DT, N = 0.1, 12_000
 G = 9.80665
 

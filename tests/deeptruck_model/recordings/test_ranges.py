@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from deeptruck_core.account import Tally
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings.ranges import Range
@@ -14,7 +14,7 @@ from deeptruck_model.recordings.ranges import Range
 
 def test_reversing_is_in_the_range_of_speed_down_to_15_km_h() -> None:
     speed = np.array([10.0, -14.99 / 3.6, -15.01 / 3.6])
-    time: NDArray[np.float64] = np.array([0.0, 0.1, 0.2])
+    time: Array = np.array([0.0, 0.1, 0.2])
     masked = Range("speed", Tally()).masked(time, speed)
     np.testing.assert_array_equal(masked, [*speed[:2], np.nan])
 

@@ -5,16 +5,15 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from deeptruck_core.account import Account
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.json_data import to_json
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import Recording, Series, uniform
 from deeptruck_model.recordings.resample import Resampler
 
-Array = NDArray[np.float64]
 TRUCK = TruckInterface("t", brake_unit=None, grade=False, fuel=False)
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_core.constants import GRAVITY
@@ -23,8 +22,6 @@ from deeptruck_model.recordings.consistency.windows import (
     windows,
 )
 from deeptruck_model.recordings.recording import FROM_SPEED, Recording
-
-Array = NDArray[np.float64]
 
 UNRELATED = 0.3  # correlation below which it is no acceleration along the truck
 VARIED, STILL = 0.1, 0.1  # m/s^2, standard deviation of dv/dt that shows an accelerometer; share of it

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model.recordings.consistency.accelerometer import UNRELATED, accelerometer
@@ -29,8 +29,6 @@ from deeptruck_model.recordings.ranges import Seen
 from deeptruck_model.recordings.recording import FROM_SPEED, Recording
 from deeptruck_model.recordings.units import SPEED_RATIOS
 from deeptruck_model.recordings.words import LEADER, header
-
-Array = NDArray[np.float64]
 
 COARSE = 0.1  # of the way in a window: positions of a larger step give no speed
 LENGTHS = {"m": 1.0, "km": 1000.0, "mi": 1609.344, "ft": 0.3048}

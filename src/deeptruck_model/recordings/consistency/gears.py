@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.consistency.sensors import (
     LEAST_STEADY_S,
@@ -18,8 +18,6 @@ from deeptruck_model.recordings.consistency.sensors import (
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.trucks import PhysicsTruck
-
-Array = NDArray[np.float64]
 
 NEAR = 0.04  # of a ratio: worn tyres turn up to 3 % faster
 TIED = 0.02  # of the share, by which two factors do not differ

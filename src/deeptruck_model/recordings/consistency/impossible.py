@@ -9,16 +9,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_core.account import moment
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.signals import CHANNELS
 from deeptruck_core.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S
 from deeptruck_model.recordings.units import SPEED_RATIOS
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

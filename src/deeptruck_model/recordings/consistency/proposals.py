@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings.candidates import OURS, Candidate, Proposal
@@ -24,7 +24,6 @@ from deeptruck_model.recordings.resample import uniform
 from deeptruck_model.recordings.topic_map import Taken
 from deeptruck_model.recordings.units import conversion
 
-Array = NDArray[np.float64]
 Values = Callable[[Candidate], tuple[Array, Array] | None]
 
 APART_M_S = 0.5  # rms: speeds of two sources that differ by more are both named

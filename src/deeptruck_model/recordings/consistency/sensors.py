@@ -10,8 +10,8 @@ from collections.abc import Collection, Iterator, Sequence
 from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.consistency import accelerometer, agreement
 from deeptruck_model.recordings.consistency.impossible import (
@@ -22,8 +22,6 @@ from deeptruck_model.recordings.consistency.impossible import (
 )
 from deeptruck_model.recordings.consistency.windows import MOVING_M_S, Doubt, joined
 from deeptruck_model.recordings.recording import Recording
-
-Array = NDArray[np.float64]
 
 STEADY_S, STEADY = 1.0, 0.01  # in which engine speed over speed changes by less: gear engaged, clutch closed
 TURNING_M_S, TURNING_RAD_S = 3.0, 80.0  # above creeping and idling

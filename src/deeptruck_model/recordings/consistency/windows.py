@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.recordings.recording import Recording
-
-Array = NDArray[np.float64]
 
 WINDOW_S, SLOW_S = 2.0, 10.0  # over which rates of change are taken, those of heights and places
 LEAST, LEAST_SLOW = 10, 8  # windows that do not overlap, of WINDOW_S and of SLOW_S

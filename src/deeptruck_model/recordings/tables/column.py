@@ -13,12 +13,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import units
 from deeptruck_model.recordings.words import Header, header, spelled
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 LOOKED_AT = 5000  # rows by which the decimal mark is found
 MOST_ABOVE = 3  # rows of units above the numbers

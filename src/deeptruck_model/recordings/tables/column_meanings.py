@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.reading import plain
 from deeptruck_model.recordings.candidates import DEMANDS, FIELD, TOPIC, Candidate
 from deeptruck_model.recordings.consistency.agreement import metres_of
@@ -35,8 +36,6 @@ from deeptruck_model.recordings.words import (
     sibling,
     units_by_range,
 )
-
-Array = NDArray[np.float64]
 
 LOOKED_AT = 100_000  # rows by which the clock is found and units are compared
 METRES_PER_DEGREE = 111_195.0  # of a great circle

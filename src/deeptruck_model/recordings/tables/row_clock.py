@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from numpy.typing import NDArray
 
 from deeptruck_core.account import Account
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.candidates import yaml_text
 from deeptruck_model.recordings.tables.column import MOST_ABOVE, Column
@@ -21,8 +21,6 @@ from deeptruck_model.recordings.tables.row_times import OF_DAY, is_iso, packed_f
 from deeptruck_model.recordings.tables.table import Table
 from deeptruck_model.recordings.units import TIME_UNITS
 from deeptruck_model.recordings.words import NO_TIME, TIME
-
-Array = NDArray[np.float64]
 
 COUNTED = 2.0  # times that where the unit of speed is not known either
 UNITS = {  # tried where none is stated, and by how much of a log ratio each is less usual

@@ -17,16 +17,13 @@ from itertools import pairwise
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.schemas import DATE_UNITS
 from deeptruck_model.recordings.tables.columns import Clock
 from deeptruck_model.recordings.tables.table import Table, settled, shown
 from deeptruck_model.recordings.units import TIME_UNITS
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
 TICKS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of Arrow's types
@@ -311,7 +308,7 @@ def usual_formats(cell: str) -> list[str]:
     return [form for form in USUAL if _formatted_us(form, cell) is not None]
 
 
-def _none(table: Table, clock: Clock, cells: pa.ChunkedArray, unreadable: NDArray[np.bool_]) -> InputError:
+def _none(table: Table, clock: Clock, cells: pa.ChunkedArray, unreadable: Mask) -> InputError:
     """The error that no cell is a time, with the first cell and the key to set."""
     at = int(np.argmax(unreadable))
     cell = cells[at]

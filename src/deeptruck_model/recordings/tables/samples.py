@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core.account import Account
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.extract import SIDEWAYS
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, Series, period
@@ -24,8 +25,6 @@ from deeptruck_model.recordings.tables.table_file import read_table
 from deeptruck_model.recordings.topic_map import Source
 from deeptruck_model.recordings.units import conversion
 from deeptruck_model.recordings.words import fits, sibling, spelled
-
-Array = NDArray[np.float64]
 
 LEAST_RENEWALS = 20  # by which a value is seen to be held between them
 EVEN = 1.5  # times their median step that samples are apart at most, where no one is missing
@@ -47,7 +46,7 @@ class Samples:
     account: Account
     place: Callable[[int], str]
 
-    def set_aside(self, out: NDArray[np.bool_], reason: str) -> None:
+    def set_aside(self, out: Mask, reason: str) -> None:
         """Count the rows `out` (n,) as not used."""
         if out.any():
             self.account.total.set_aside(reason, self.place(int(np.argmax(out))), int(out.sum()))

@@ -17,13 +17,11 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from deeptruck_core.account import Account
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.errors import InputError
 from deeptruck_core.reading import plain
 from deeptruck_model.recordings.tables.column import MOST_ABOVE, Column, floats
 from deeptruck_model.recordings.tables.csv_text import SAMPLED
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 SHOWN = 12  # columns that an error lists
 MOST_BELOW = 10  # rows of totals below the numbers
@@ -316,7 +314,7 @@ def _by_time(stamps: pa.ChunkedArray, names: pa.ChunkedArray) -> NDArray[np.int6
     return order.astype(np.int64)
 
 
-def _again(row: NDArray[np.int64], of: NDArray[np.int64], names: int) -> NDArray[np.bool_]:
+def _again(row: NDArray[np.int64], of: NDArray[np.int64], names: int) -> Mask:
     """Rows whose name has already occurred with the same stamp."""
     pair = row * names + of
     order = np.argsort(pair, kind="stable")

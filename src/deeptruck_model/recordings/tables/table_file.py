@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from numpy.typing import NDArray
 from pyarrow import parquet
 
 from deeptruck_core import reading
 from deeptruck_core.account import Account
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.errors import InputError
 from deeptruck_core.formats import PARQUET
 from deeptruck_model.recordings.consistency.impossible import impossible
@@ -26,9 +26,6 @@ from deeptruck_model.recordings.tables import mat_file
 from deeptruck_model.recordings.tables.column import Column, decimal_mark, has_mark
 from deeptruck_model.recordings.tables.csv_text import BLANK, CsvText, Format, find_format
 from deeptruck_model.recordings.tables.table import BELOW, MOST_BELOW, Table, key_of
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 LABELS = {  # in a cell of a row that sums up those above it
     "total", "totals", "sum", "mean", "average", "avg", "min", "max", "minimum", "maximum", "median", "std",

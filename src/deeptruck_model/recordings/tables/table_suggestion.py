@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.reading import plain
 from deeptruck_core.signals import CHANNELS
 from deeptruck_model.recordings.candidates import Candidate, Proposal, by_channel, span, yaml_text
@@ -24,8 +24,6 @@ from deeptruck_model.recordings.tables.row_clock import RowClock, find_clock
 from deeptruck_model.recordings.tables.table import Key, Table, key_of, only, widened
 from deeptruck_model.recordings.tables.table_file import find_form, read_table
 from deeptruck_model.recordings.words import TIME, fits, header, named_channels, sibling
-
-Array = NDArray[np.float64]
 
 _NAMES = frozenset(
     ("field", "pid", "signal", "name", "parameter", "diagnostic", "sensor", "messwert", "measurement")

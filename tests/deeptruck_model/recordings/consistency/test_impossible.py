@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table
 from deeptruck_model.recordings.consistency.impossible import (
@@ -24,7 +24,6 @@ from deeptruck_model.recordings.consistency.impossible import (
 )
 from deeptruck_model.recordings.extract import read
 
-Array = np.ndarray[Any, np.dtype[np.float64]]
 T = np.round(0.1 * np.arange(1200), 1)
 V = speed(T)
 

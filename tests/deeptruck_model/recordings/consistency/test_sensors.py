@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model import trucks
@@ -67,7 +67,7 @@ def _on_hills() -> Recording:
     return driving_cycles.drive(trucks.load("trucksim"), seconds=2400, seed=3)
 
 
-def hilly(read: Callable[[NDArray[np.float64]], NDArray[np.float64]] = lambda grade: grade) -> Recording:
+def hilly(read: Callable[[Array], Array] = lambda grade: grade) -> Recording:
     """A truck on hills, with its slope as it was `read`."""
     drive = _on_hills()
     channels = {name: x for name, x in drive.channels.items() if name != "elevation"}

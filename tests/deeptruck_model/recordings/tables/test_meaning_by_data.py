@@ -14,13 +14,13 @@ from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
 from pyarrow import parquet
 from scipy.io import savemat
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import import_table, suggest_columns
 from deeptruck_model.recordings.resample import Series, uniform
 from deeptruck_model.recordings.tables.table_file import read_curve
 
-Array = np.ndarray[Any, np.dtype[np.float64]]
 D = drive()
 T, V, A = D["t"], D["v"], D["a"]
 PEDAL = np.round(np.where(D["gas"] > 0, D["gas"], -D["brake"]) / 100, 4)

@@ -11,14 +11,12 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import yaml
-from numpy.typing import NDArray
 from pyarrow import parquet
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import TableSuggestion, import_table, suggest_columns
 from deeptruck_model.recordings.words import COMMANDED, fits, header, named_channels
-
-Array = NDArray[np.float64]
 
 DT = 0.1
 TIME = DT * np.arange(1200)
