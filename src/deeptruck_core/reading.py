@@ -24,6 +24,7 @@ from deeptruck_core.errors import InputError
 
 SHOWN = 20  # names that an error lists
 LONGEST = 200  # characters that a library may say in one of our lines
+LONGEST_CELL = 43  # likewise, of a cell that a message quotes
 MOST_SAID = 500  # characters of one of our own lines about a file
 SAVE_AGAIN = "train or save the simulator again"
 LARGEST = 16 * 2**20  # bytes of a text file that people or our commands write
@@ -182,6 +183,11 @@ def plain(said: str, longest: int = LONGEST) -> str:
     """A library's message as one line without control characters, shortened if it is long."""
     line = " ".join("".join(c if c.isprintable() else " " for c in said).split())
     return line if len(line) <= longest else f"{line[: longest - 3]}..."
+
+
+def quoted(cell: object) -> str:
+    """A cell of a table in quotation marks, on one line and shortened."""
+    return f"'{plain(str(cell), LONGEST_CELL)}'"
 
 
 def number_in_cell(cell: str, where: str, cure: str) -> float:

@@ -90,7 +90,8 @@ def import_table(
     else:
         recordings = _of_table(table, load_columns(columns))
     recordings = _with_slope(recordings, slope_from, meaning.get("grade_window_m"))
-    recordings = _of_what_is_there(recordings if kind is Kind.BAG else _noted(recordings))
+    recordings = recordings if kind is Kind.BAG else _noted(recordings)
+    recordings = _of_what_is_there(recordings)
     write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
     return Imported(out, recordings)
 

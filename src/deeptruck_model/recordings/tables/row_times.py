@@ -20,9 +20,10 @@ import pyarrow.compute as pc
 
 from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.errors import InputError
+from deeptruck_core.reading import quoted
 from deeptruck_model.recordings.schemas import DATE_UNITS
 from deeptruck_model.recordings.tables.columns import Clock
-from deeptruck_model.recordings.tables.table import Table, settled, shown
+from deeptruck_model.recordings.tables.table import Table, settled
 from deeptruck_model.recordings.units import TIME_UNITS
 
 SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
@@ -69,7 +70,7 @@ def timed(table: Table, clock: Clock) -> tuple[Table, Array, list[float]]:
     known = ~np.isnan(seconds)
     lost = int(np.argmax(~known))
     wrong = table[clock.columns[0]].cells[lost].as_py()
-    advice = f" with {shown(wrong)}{_advice(clock, _joined(table, clock)[lost])}" if wrong else ""
+    advice = f" with {quoted(wrong)}{_advice(clock, _joined(table, clock)[lost])}" if wrong else ""
     table, seconds = table.with_key(known, "time", clock.columns, advice), seconds[known]
     if len(table) < 2:
         raise InputError(f"{table.path} has one row; a recording needs at least two")
@@ -161,7 +162,7 @@ def _check_whole_stamps(table: Table, time: Array, name: str, clock: Clock) -> N
     starts = np.flatnonzero(np.r_[True, np.diff(time) != 0])
     if len(time) <= 1.5 * len(starts) or (np.diff(time) < 0).any():
         return
-    first, rate = shown(_joined(table, clock)[0].as_py()), "..."
+    first, rate = quoted(_joined(table, clock)[0].as_py()), "..."
     if len(starts) > 1:
         rate = f"{float(f'{len(time) / (time[-1] + np.median(np.diff(time[starts]))):.2g}'):g}"
     raise InputError(
@@ -315,7 +316,7 @@ def _none(table: Table, clock: Clock, cells: pa.ChunkedArray, unreadable: Mask) 
     wanted = f"the format '{clock.format}'" if clock.format else f"unit '{clock.unit}'"
     name = " and ".join(f"'{column}'" for column in clock.columns)
     return InputError(
-        f"{table.path}: no cell of {name} is a time of {wanted}; the first is {shown(cell)} in "
+        f"{table.path}: no cell of {name} is a time of {wanted}; the first is {quoted(cell)} in "
         f"{table.at(at)}{_advice(clock, cell)}"
     )
 

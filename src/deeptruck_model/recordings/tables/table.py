@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from deeptruck_core.account import Account
 from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.errors import InputError
-from deeptruck_core.reading import plain
+from deeptruck_core.reading import plain, quoted
 from deeptruck_model.recordings.tables.column import MOST_ABOVE, Column, floats
 from deeptruck_model.recordings.tables.csv_text import SAMPLED
 
@@ -95,7 +95,7 @@ class Table:
         tally.used += int((~np.isnan(values)).sum())
         if unreadable.any():
             first = int(np.argmax(unreadable))
-            cell = shown(column.cells[first])
+            cell = quoted(column.cells[first])
             tally.set_aside("no number", f"{cell} in {self.at(first)}", int(unreadable.sum()))
             if np.isnan(values).all():
                 raise InputError(
@@ -170,12 +170,6 @@ class Table:
             table = table.without(rows[~gone], reason)
             gone |= rows
         return table
-
-
-def shown(cell: object) -> str:
-    """A cell in quotation marks, on one line and shortened."""
-    text = plain(str(cell))
-    return f"'{text[:40]}...'" if len(text) > 43 else f"'{text}'"
 
 
 @dataclass(frozen=True)
