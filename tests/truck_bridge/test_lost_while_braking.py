@@ -16,7 +16,8 @@ from fault_lies import Lie, RadarLie
 from deeptruck_nodes.leaders import Steps
 from truck_bridge import vehicles
 
-BRAKES_AT = 10.0
+BRAKES_AT = 6.0  # s, when the truck follows at its time gap
+STOOD = 100  # steps at rest, after which nothing moves any more
 HIT_M_S = 3.5  # `volvo` behind -6 m/s^2: the shield expects less of a leader that it does not see (its page)
 
 
@@ -31,18 +32,17 @@ class OppositeSign:
 
 
 def drive(
-    vehicle: str,
-    braking: float,
-    lost_after: float,
-    fault: Callable[[Chain], object] | None = None,
-    seconds: float = 20.0,
+    vehicle: str, braking: float, lost_after: float, fault: Callable[[Chain], object] | None = None
 ) -> tuple[Chain, float]:
     """Behind a leader that brakes from 22 m/s to a standstill, with a fault `lost_after` s later, else a
-    radar that sees nothing. The chain at the end, and by how much the truck was faster when it hit."""
+    radar that sees nothing, until the truck stands. The chain then, and by how much the truck was faster when
+    it hit."""
     leader = Steps((22.0, 0.0), BRAKES_AT, braking)
     chain, hit = Chain(load(vehicle), np.random.default_rng(1), leader, "baseline:acc", lambda way: 0.0), 0.0
-    while chain.now < BRAKES_AT + seconds:
+    stood = 0
+    while chain.now < BRAKES_AT + 20.0 and stood < STOOD:
         chain.step()
+        stood = stood + 1 if chain.truck.speed == 0.0 else 0
         if chain.now == 1.0:
             assert chain.engage() == ()
         if chain.now == BRAKES_AT + lost_after:
@@ -96,11 +96,11 @@ def test_whatever_else_is_lost_in_braking_does_not_end_it_either(fault, lost_aft
 def test_a_radar_that_vanishes_behind_a_steady_leader_lets_the_truck_roll_out():
     leader = Steps((22.0, 22.0), BRAKES_AT, 1.0)
     chain = Chain(load("volvo"), np.random.default_rng(1), leader, "baseline:acc", lambda way: 0.0)
-    for _ in range(2000):
+    for _ in range(1600):
         chain.step()
         if chain.now == 1.0:
             assert chain.engage() == ()
-        if chain.now == 10.0:
+        if chain.now == BRAKES_AT:
             chain.lies.append(RadarLie("absent", ("gap", "leader_speed")))
     chain.close()
     assert chain.state == "standby"
