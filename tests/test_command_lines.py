@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
@@ -155,3 +157,56 @@ def test_help_shows_values_in_capitals_or_as_choices(capsys: pytest.CaptureFixtu
     shown = capsys.readouterr().out
     for option in ("--seed N", "--topic-map FILE", "--mode <default|paper>", "--clock <log|stamp>"):
         assert option in shown
+
+
+LIGHT = """
+import importlib, sys
+module, heavy, *lines = sys.argv[1:]
+main = importlib.import_module(module).main
+for line in lines:
+    sys.argv = line.split()
+    try:
+        main()
+    except SystemExit as ended:
+        assert (ended.code or 0) == (0 if "--help" in line else 2), line
+    loaded = set(heavy.split()) & set(sys.modules)
+    assert not loaded, (line, loaded)
+"""
+REFUSED = {  # modules that must not be loaded, and what is said without them
+    "deeptruck_model.cli": (
+        "torch numba matplotlib",
+        (
+            "deeptruck-model --help",
+            "deeptruck-model mismatch --simulator truck:trucksim --recordings nowhere --out found",
+            "deeptruck-model apply nowhere --out better",
+            "deeptruck-model road found nowhere --out with_road",
+            "deeptruck-model evaluate truck:trucksim nowhere --out evaluation",
+            "deeptruck-model coverage nowhere --out coverage",
+            "deeptruck-model train bag --topic-map none.yaml --out sim",
+        ),
+    ),
+    "deeptruck_cacc.cli": (
+        "torch numba stable_baselines3 scipy matplotlib onnx rosbags",
+        (
+            "deeptruck-cacc --help",
+            "deeptruck-cacc train --help",
+            "deeptruck-cacc train --simulator nope --scene moon --out p",
+            "deeptruck-cacc evaluate nope --simulator nope --out e",
+            "deeptruck-cacc export nope --out p.onnx",
+            "deeptruck-cacc sweep --simulator nope --out s --set window=-5",
+        ),
+    ),
+    "truck_bridge.cli": (
+        "numpy rosbags torch numba scipy",
+        ("truck-bridge --help", "truck-bridge decode none --vehicle tram"),
+    ),
+}
+
+
+@pytest.mark.parametrize("module", REFUSED)
+def test_help_and_misfits_come_before_anything_heavy(module: str, tmp_path: Path) -> None:
+    heavy, lines = REFUSED[module]
+    command = [sys.executable, "-c", LIGHT, module, heavy, *lines]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=240, check=False)
+    assert done.returncode == 0, done.stderr
+    assert not list(tmp_path.iterdir())

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -130,33 +129,6 @@ def test_bad_input_is_one_line_with_every_misfit_and_exit_code_2(capsys, tmp_pat
     assert code == 2 and len(err.strip().splitlines()) == 1
     assert all(words in err for words in says), err
     assert sorted(p.name for p in Path(tmp_path).iterdir()) == ["link", "taken"]
-
-
-BARE = """
-import sys
-from deeptruck_cacc import cli
-for words in {commands}:
-    sys.argv = ["deeptruck-cacc", *words.split()]
-    try:
-        cli.main()
-    except SystemExit as ended:
-        assert ended.code == (0 if "--help" in words else 2), words
-    heavy = set("torch numba stable_baselines3 scipy matplotlib onnx rosbags".split())
-    heavy |= set(["numpy"] if "--help" in words else [])
-    assert not heavy & set(sys.modules), (words, heavy & set(sys.modules))
-"""
-
-
-def test_words_come_before_computing(tmp_path):
-    commands = [
-        "--help",
-        "train --help",
-        f"train --simulator nope --scene moon --out {tmp_path}/p",
-        f"evaluate nope --simulator nope --out {tmp_path}/e",
-        f"export nope --out {tmp_path}/p.onnx",
-        f"sweep --simulator nope --out {tmp_path}/s --set window=-5",
-    ]
-    subprocess.run([sys.executable, "-c", BARE.format(commands=commands)], check=True, timeout=240)
 
 
 @pytest.mark.usefixtures("undrawn")

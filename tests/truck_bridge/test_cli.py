@@ -123,22 +123,6 @@ def test_a_kind_that_needs_an_extra_names_it(monkeypatch, capsys, log, tmp_path)
         assert "pip install 'deeptruck[mf4]'" in capsys.readouterr().err
 
 
-def test_help_and_misfits_come_before_anything_heavy():
-    for words in ("--help",), ("decode", "none", "--vehicle", "tram"):
-        command = [
-            sys.executable,
-            "-X",
-            "importtime",
-            "-c",
-            "from truck_bridge.cli import main; main()",
-            *words,
-        ]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=False)
-        imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
-        assert "truck_bridge.cli" in imported
-        assert not imported & {"numpy", "rosbags", "torch", "numba", "scipy"}
-
-
 @pytest.mark.parametrize("suffix", [".log", ".mcap", ".blf"])
 def test_a_silent_bus_is_no_recording(monkeypatch, capsys, tmp_path, suffix):
     out, channel = tmp_path / f"silent{suffix}", f"{os.getpid()}-silent"

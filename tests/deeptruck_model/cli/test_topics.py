@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -188,17 +186,6 @@ def test_bad_input_of_suggest_and_import(
     (here / "other.yaml").write_text("speed: {topic: /v, field: data}\n")
     code, _, errors = script(*words)
     assert code == 2 and says in errors and errors.count("\n") == 1 and not Path("out").exists()
-
-
-def test_a_wrong_map_costs_no_heavy_import(here: Path) -> None:
-    code = (
-        "import sys\nfrom deeptruck_model import cli\n"
-        "sys.argv = ['deeptruck-model', 'train', 'bag', '--topic-map', 'none.yaml', '--out', 'sim']\n"
-        "try:\n    cli.main()\nexcept SystemExit as end:\n    code = end.code\n"
-        "print(code, sorted({'torch', 'numba', 'matplotlib'} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "2 []\n"
 
 
 def test_suggest_then_import_a_table(here: Path, script: Script) -> None:

@@ -108,23 +108,6 @@ def test_a_file_is_no_folder_and_is_said_to_be_none_before_long_computing(
     assert file.read_text() == "notes" and "Traceback" not in errors
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("mismatch", "--simulator", "truck:trucksim", "--recordings", "nowhere", "--out", "found"),
-        ("apply", "nowhere", "--out", "better"),
-        ("road", "found", "nowhere", "--out", "with_road"),
-        ("evaluate", "truck:trucksim", "nowhere", "--out", "evaluation"),
-        ("coverage", "nowhere", "--out", "coverage"),
-    ],
-)
-def test_a_path_that_is_not_there_is_said_before_anything_heavy_is_loaded(words: tuple[str, ...]) -> None:
-    script = "import sys\nfrom deeptruck_model import cli\n"
-    script += "try: cli.main()\nfinally: print({'torch', 'numba', 'matplotlib'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (2, "set()\n") and "nowhere does not exist" in done.stderr
-
-
 @pytest.mark.parametrize("command", ["mismatch", "apply", "road", "prove"])
 def test_every_command_has_an_example(script: Callable[..., tuple[int, str, str]], command: str) -> None:
     code, said, _ = script(command, "--help")
