@@ -145,24 +145,12 @@ def test_train_evaluate_export_on_a_physics_truck(capsys, tmp_path):
     assert run("train", *arguments, "--overwrite") == 0
     assert run("export", out, "--out", tmp_path / "p.onnx") == 0
     assert (tmp_path / "p.onnx").exists()
-    evaluation = ["--simulator", SIM, "--out", tmp_path / "e", "--rollouts", "3", "--shield"]
+    evaluation = ["--simulator", SIM, "--out", tmp_path / "e", "--rollouts", "3", "--shield", "--all-seeds"]
     assert run("evaluate", out, *evaluation) == 0
-    assert (tmp_path / "e" / "metrics.json").exists()
+    assert (tmp_path / "e" / "metrics.json").exists() and (tmp_path / "e" / "0" / "metrics.json").exists()
     assert run("evaluate", out, *evaluation) == 2
     assert "e holds an evaluation of a policy already" in last_line(capsys)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["e", "p", "p.onnx"]
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_an_evaluation_of_every_seed_is_replaced_only_where_asked(capsys, finished):
-    evaluate = ["evaluate", finished / "p", "--all-seeds", "--simulator", SIM, "--out", finished / "e"]
-    assert run(*evaluate, "--rollouts", "2") == 0
-    assert (finished / "e" / "0" / "metrics.json").exists()
-    before = content(finished / "e")
-    assert run(*evaluate) == 2 and "add --overwrite" in last_line(capsys)
-    assert content(finished / "e") == before
-    assert run(*evaluate, "--rollouts", "3", "--overwrite") == 0
-    assert content(finished / "e")["metrics.json"] != before["metrics.json"]
 
 
 def test_resuming_a_finished_run_says_so_at_once(monkeypatch, capsys, finished):
@@ -223,12 +211,11 @@ def test_a_damaged_checkpoint_is_named_with_advice_that_is_taken(capsys, unfinis
     assert (kept / "checkpoint" / "state.safetensors").exists()
 
 
-@pytest.mark.parametrize("how", ["--overwrite", "--resume"])
-def test_a_run_that_was_killed_before_its_first_checkpoint_is_set_aside_and_named(capsys, tmp_path, how):
+def test_a_run_that_was_killed_before_its_first_checkpoint_is_set_aside_and_named(capsys, tmp_path):
     begun = tmp_path / ".p.unfinished" / "learning_curve.jsonl"
     begun.parent.mkdir()
     begun.write_text("mine")
-    assert run(*training(tmp_path), how) == 0
+    assert run(*training(tmp_path), "--resume") == 0
     (kept,) = (p for p in tmp_path.iterdir() if p.name != "p")
     assert f"had begun is kept as {kept}; remove it" in capsys.readouterr().err
     assert (kept / "learning_curve.jsonl").read_text() == "mine"

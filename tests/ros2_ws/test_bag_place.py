@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from deeptruck_core.errors import InputError
-from deeptruck_model.recordings import CrashSafeWriter, repair
+from deeptruck_model.recordings import CrashSafeWriter
 from deeptruck_nodes import bag_place
 
 
@@ -58,34 +58,6 @@ def test_logs_do_not_go_into_a_bag(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="choose another --runs"):
             bag_place.check_logs(None, runs)
     bag_place.check_logs(None, tmp_path / "runs")
-
-
-def test_beside_a_bag_whose_recorder_was_killed_the_older_one_stands(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    bag = tmp_path / "bag"
-    recorded(bag)
-    old = content(bag)
-    with bag_place.made(bag, overwrite=True) as newer:
-        assert newer is not None
-        recorded(newer, "new")
-        (newer / "metadata.yaml").unlink()
-    (kept,) = set(tmp_path.iterdir()) - {bag}
-    assert content(bag) == old and f"it is kept as {kept}" in capsys.readouterr().err
-    assert repair(kept) and (kept / "metadata.yaml").exists()
-
-
-def test_a_bag_that_is_being_recorded_is_not_moved_away(tmp_path: Path) -> None:
-    bag = tmp_path / "bag"
-    with CrashSafeWriter(bag), bag_place.claimed(bag):
-        with pytest.raises(InputError, match="another run is at work in"):
-            bag_place.check(bag, overwrite=True)
-        with (
-            pytest.raises(InputError, match="another run is at work in"),
-            bag_place.made(bag, overwrite=True),
-        ):
-            pass
-    assert bag.exists()
 
 
 def test_an_empty_folder_may_become_the_bag(tmp_path: Path) -> None:

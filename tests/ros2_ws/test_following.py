@@ -55,7 +55,7 @@ def test_acc_drives_a_truck_of_a_data_sheet_smoothly(sheet: str, leader: str, of
     assert min(gaps) > 35.0
 
 
-@pytest.mark.parametrize("every", [2, 3])
+@pytest.mark.parametrize("every", [pytest.param(2, marks=pytest.mark.long), 3])
 def test_behind_a_slower_radar_it_drives_as_behind_one_of_ten_readings_a_second(every: int) -> None:
     """5 and 3.3 readings a second: a leader that brakes by 2 m/s^2, and drop-outs of 6 s."""
     truck, leader = load("trucksim"), "steps:speeds=20/12,every=30,acceleration=2"

@@ -46,9 +46,3 @@ def test_in_lockstep_every_step_has_the_road_ahead_and_the_economy_drives_by_it(
     np.testing.assert_allclose(ahead[0].position, expected, atol=1e-9)
     felt = [m.position[list(m.name).index("grade")] for m in bag[ROAD.name]]
     assert not np.any(felt) and np.ptp(speed) > 0.1  # 0.32 m/s; without a map it is 0.006 m/s
-
-
-def test_a_road_that_nobody_knows_is_one_line(start: Callable[..., Any]) -> None:
-    words = ("--simulator", "truck:trucksim", "--policy", "baseline:acc", "--known-road", "dunes")
-    code, _, errors = start("start_simulation.py", *words).finish()
-    assert code == 2 and errors.count("\n") == 1 and "dunes" in errors

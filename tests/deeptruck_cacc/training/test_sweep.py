@@ -26,14 +26,6 @@ def test_every_combination_is_trained_and_the_best_comes_first(tmp_path):
         assert policy.card["validation"]["score"] == row["score"] <= row["worst"]
     assert json.loads((out / "sweep.json").read_text()) == rows
     assert (out / "sweep.md").read_text().count("\n") == 6
-    (out / "notes.txt").write_text("mine")
-    with pytest.raises(InputError, match=r"holds notes.txt, which is no part of a sweep"):
-        sweep.sweep(TRUCK, out, TINY, overwrite=True)
-    (out / "notes.txt").unlink()
-    with pytest.raises(InputError, match=r"holds a sweep of policies already"):
-        sweep.sweep(TRUCK, out, TINY)
-    assert len(sweep.sweep(TRUCK, out, TINY, overwrite=True)) == 1
-    assert {p.name for p in out.iterdir()} == {"sweep.md", "sweep.json", files.MARKER, NAME}
 
 
 @pytest.mark.usefixtures("quick_exam")

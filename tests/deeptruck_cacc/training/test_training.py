@@ -182,7 +182,12 @@ def test_a_trained_policy_does_not_ask_for_both_pedals(trained):
 @pytest.mark.usefixtures("quick_exam")
 @pytest.mark.parametrize(
     ("trainer", "quick"),
-    [("analytic", QUICK), ("analytic", LATE), ("trpo", QUICK_TRPO), ("trpo", SEEDS)],
+    [
+        ("analytic", QUICK),
+        ("trpo", SEEDS),
+        pytest.param("analytic", LATE, marks=pytest.mark.long),
+        pytest.param("trpo", QUICK_TRPO, marks=pytest.mark.long),
+    ],
 )
 def test_a_killed_run_resumes_to_the_same_policy(toy, tmp_path, trainer, quick):
     whole = train(toy, tmp_path / "whole", trainer=trainer, config=quick)
