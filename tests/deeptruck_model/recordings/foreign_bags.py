@@ -37,19 +37,19 @@ def number(value: float, types: Any = TYPES) -> Any:
 
 
 def bag_of(path: Path, messages: Iterable[Message], **options: Any) -> Path:
-    """A bag as other programs write it."""
-    compression = options.pop("compression", None)
+    """A bag as other programs write it, of these `types`; a topic may carry several."""
+    compression, types = options.pop("compression", None), options.pop("types", TYPES)
     storage = options.pop("storage", StoragePlugin.MCAP)
     writer = Writer2(path, version=9, storage_plugin=storage)
     if compression:
         writer.set_compression(compression, CompressionFormat.ZSTD)
-    connections: dict[str, Any] = {}
+    connections: dict[tuple[str, str], Any] = {}
     with writer:
         for topic, message, log_ns in messages:
             kind = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=TYPES)
-            writer.write(connections[topic], log_ns, TYPES.serialize_cdr(message, kind))
+            if (topic, kind) not in connections:
+                connections[topic, kind] = writer.add_connection(topic, kind, typestore=types)
+            writer.write(connections[topic, kind], log_ns, types.serialize_cdr(message, kind))
     return path
 
 

@@ -12,7 +12,7 @@ import pytest
 from foreign_bags import TYPES, Message, S, bag_of, number, stamped, twist
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import StoragePlugin
 
 from deeptruck_core.account import Account
 from deeptruck_model.recordings import read
@@ -81,7 +81,7 @@ def test_every_reason_has_its_count_and_first_place(tmp_path: Path, storage: Sto
     messages += [a_twist(3), a_twist(4), text("/grade", 5), text("/chat", 6)]
     messages += [("/grade", number(0.01), S + k * S // 10) for k in range(20)]
     messages += [("/brake", stamped(S), S)]
-    bag = bag_of_types(tmp_path / "bag", sorted(messages, key=lambda m: m[2]), storage)
+    bag = bag_of(tmp_path / "bag", sorted(messages, key=lambda m: m[2]), storage=storage)
     assert list(account_of(bag).lines()) == [
         f"{bag}: 73 messages read, 68 used, 5 set aside",
         "  2 on /twist without a number in twist.linear.x, first at 0.7 s",
@@ -91,15 +91,3 @@ def test_every_reason_has_its_count_and_first_place(tmp_path: Path, storage: Sto
         "  acceleration: 4 of 50 samples derived where there is no speed, first at 0.7 s",
         "  topics not mapped, so not read: /brake (1), /chat (1)",
     ]
-
-
-def bag_of_types(path: Path, messages: list[Message], storage: StoragePlugin) -> Path:
-    """A bag whose topics may carry several types."""
-    with Writer(path, version=9, storage_plugin=storage) as writer:
-        known = {}
-        for topic, message, log_ns in messages:
-            key = (topic, message.__msgtype__)
-            if key not in known:
-                known[key] = writer.add_connection(*key, typestore=TYPES)
-            writer.write(known[key], log_ns, TYPES.serialize_cdr(message, key[1]))
-    return path

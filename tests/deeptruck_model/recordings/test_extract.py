@@ -20,7 +20,6 @@ from foreign_bags import (
 )
 from mcap.writer import CompressionType, IndexType
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
 
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import Recording, read, write_bag
@@ -154,15 +153,9 @@ def test_no_target_is_invalid(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 def test_a_topic_with_two_types_is_the_one_with_most_messages(tmp_path: Path, storage: StoragePlugin) -> None:
-    with Writer2(tmp_path / "bag", version=9, storage_plugin=storage) as writer:
-        text = writer.add_connection("/truck/twist", "std_msgs/msg/String", typestore=TYPES)
-        speed = writer.add_connection("/truck/twist", "geometry_msgs/msg/TwistStamped", typestore=TYPES)
-        for topic, message, log_ns in drive_messages():
-            writer.write(speed, log_ns, TYPES.serialize_cdr(message, message.__msgtype__))
-            if log_ns % S == 0:
-                say = TYPES.types["std_msgs/msg/String"](topic)
-                writer.write(text, log_ns, TYPES.serialize_cdr(say, say.__msgtype__))
-    check(read(tmp_path / "bag"))
+    text = [("/truck/twist", TYPES.types["std_msgs/msg/String"]("x"), k * S) for k in range(1, 31)]
+    messages = sorted([*text, *drive_messages()], key=lambda m: m[2])
+    check(read(bag_of(tmp_path / "bag", messages, storage=storage)))
 
 
 def test_long_bags_are_read_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

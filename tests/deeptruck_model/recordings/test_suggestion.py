@@ -10,7 +10,6 @@ import pytest
 import yaml
 from foreign_bags import TYPES, Message, S, bag_of, number, stamped, twist
 from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from deeptruck_core.errors import InputError
@@ -190,12 +189,11 @@ def test_a_type_that_only_the_bag_defines(tmp_path: Path, storage: StoragePlugin
     types.register(
         get_types_from_msg("float32 velocity_mps\nfloat32[3] brakePressure_bar\nstring note", kind)
     )
-    with Writer2(tmp_path / "bag", version=9, storage_plugin=storage) as writer:
-        connection = writer.add_connection("/vehicle", kind, typestore=types)
-        for k in range(COUNT):
-            message = types.types[kind](k / 10, np.full(3, k / 10, np.float32), "a" * (k % 5))
-            writer.write(connection, S + k * S // 10, types.serialize_cdr(message, kind))
-    found = suggest(tmp_path / "bag")
+    messages = every(
+        "/vehicle",
+        lambda k, _: types.types[kind](k / 10, np.full(3, k / 10, np.float32), "a" * (k % 5)),
+    )
+    found = suggest(bag_of(tmp_path / "bag", messages, storage=storage, types=types))
     assert fields(found, "speed") == [("/vehicle", "velocity_mps", "m/s")]
     assert fields(found, "brake_command") == [
         ("/vehicle", f"brakePressure_bar[{k}]", "bar") for k in range(3)

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from foreign_bags import S
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
+from foreign_bags import S, bag_of
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from deeptruck_core.signals import CHANNELS
@@ -87,13 +85,12 @@ def suggested(path: Path, topics: Topics) -> Suggestion:
                 parts[name] = value[k] if isinstance(value, np.ndarray) else value
         return types.types[kind](**parts)
 
-    with Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        for topic, (kind, values) in topics.items():
-            connection = writer.add_connection(topic, kind, typestore=types)
-            for k in range(COUNT):
-                message = types.serialize_cdr(made(kind, values, k), kind)
-                writer.write(connection, S + k * S // 10, message)
-    return suggest(path)
+    messages = (
+        (topic, made(kind, values, k), S + k * S // 10)
+        for topic, (kind, values) in topics.items()
+        for k in range(COUNT)
+    )
+    return suggest(bag_of(path, messages, types=types))
 
 
 def proposed(found: Suggestion) -> dict[str, tuple[str, str, str]]:
