@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from deeptruck_core.arrays import Array
 from deeptruck_model.compare.sides import Side
-from deeptruck_model.recordings.earth import metres_per_degree
+from deeptruck_model.recordings.units import metres_per_degree
 
 LEAST_SHARED = 0.5  # of the shorter side, that an offset must leave to compare
 AGREES = 0.8  # correlation of speeds below which no offset is accepted: drives of other roads reach 0.6

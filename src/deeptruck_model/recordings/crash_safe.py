@@ -1,20 +1,72 @@
-"""Writes a bag such that a killed process loses at most the last second, and repairs such a bag."""
+"""Writes a bag such that a killed process loses at most the last second, and its metadata.yaml (version 9, as
+ROS 2 Jazzy writes it).
+"""
 
 from __future__ import annotations
 
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import yaml
 from mcap.writer import CompressionType, Writer
 
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
-from deeptruck_model.recordings.bag_metadata import Topic, definition, metadata_yaml
+from deeptruck_model.recordings.message_definitions import definition
 
+VERSION = 9
 CHUNK_BYTES = 64 * 1024  # 10 s of a drive at 10 Hz: what a file that is cut off, not killed, loses at most
+
+
+@dataclass
+class Topic:
+    """One topic of a bag: its message type, the number of messages, and that of its channel in the file."""
+
+    name: str
+    type_name: str  # as in 'geometry_msgs/msg/TwistStamped'
+    count: int = 0
+    channel: int = 0
+
+
+def metadata_yaml(
+    file_name: str, topics: list[Topic], start_ns: int, end_ns: int, custom: dict[str, str]
+) -> str:
+    """The text of metadata.yaml for a folder with one MCAP file."""
+    count = sum(topic.count for topic in topics)
+    span = {
+        "starting_time": {"nanoseconds_since_epoch": start_ns},
+        "duration": {"nanoseconds": max(0, end_ns - start_ns)},
+        "message_count": count,
+    }
+    information = {
+        "version": VERSION,
+        "storage_identifier": "mcap",
+        "relative_file_paths": [file_name],
+        **span,
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type_name,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": [],
+                    "type_description_hash": definition(topic.type_name)[1],
+                },
+                "message_count": topic.count,
+            }
+            for topic in topics
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "files": [{"path": file_name, **span}],
+        "custom_data": custom or None,
+        "ros_distro": "jazzy",
+    }
+    return yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False)
 
 
 class CrashSafeWriter:
@@ -39,7 +91,7 @@ class CrashSafeWriter:
         self.flush_s = flush_s
         self.custom_data = dict(custom_data or {})
         self.file = self.path / f"{file_stem or self.path.name}_0.mcap"
-        self._topics: dict[str, _Channel] = {}
+        self._topics: dict[str, Topic] = {}
         self._schemas: dict[str, int] = {}
         self._first_ns, self._last_ns = 2**63 - 1, 0
         self._broken = False
@@ -64,17 +116,13 @@ class CrashSafeWriter:
     def write(self, topic: str, type_name: str, cdr: bytes, stamp_ns: int) -> None:
         """Add one message (CDR with its encapsulation header), logged at `stamp_ns`; flush if the interval
         has passed."""
-        channel = self._topics.get(topic)
-        if channel is None:
-            channel = self._register(topic, type_name)
-        elif channel.type_name != type_name:
-            raise InputError(
-                f"topic {topic} carries {channel.type_name}; a {type_name} does not belong there"
-            )
-        channel.count += 1
+        one = self._topics.get(topic) or self._register(topic, type_name)
+        if one.type_name != type_name:
+            raise InputError(f"topic {topic} carries {one.type_name}; a {type_name} does not belong there")
+        one.count += 1
         self._first_ns = min(self._first_ns, stamp_ns)
         self._last_ns = max(self._last_ns, stamp_ns)
-        self._guarded(self._writer.add_message, channel.id, stamp_ns, cdr, stamp_ns, channel.count)
+        self._guarded(self._writer.add_message, one.channel, stamp_ns, cdr, stamp_ns, one.count)
         self.flush_if_due()
 
     def flush_if_due(self) -> None:
@@ -106,14 +154,14 @@ class CrashSafeWriter:
     ) -> None:
         self.close()
 
-    def _register(self, topic: str, type_name: str) -> _Channel:
+    def _register(self, topic: str, type_name: str) -> Topic:
         text, type_hash = definition(type_name)
         if type_name not in self._schemas:
             self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", text.encode())
         channel_id = self._writer.register_channel(
             topic, "cdr", self._schemas[type_name], {"offered_qos_profiles": "", "topic_type_hash": type_hash}
         )
-        self._topics[topic] = _Channel(channel_id, type_name)
+        self._topics[topic] = Topic(topic, type_name, channel=channel_id)
         return self._topics[topic]
 
     def _flush(self) -> None:
@@ -121,7 +169,7 @@ class CrashSafeWriter:
         self._due = time.monotonic() + self.flush_s
 
     def _write_metadata(self) -> None:
-        topics = [Topic(name, channel.type_name, channel.count) for name, channel in self._topics.items()]
+        topics = [*self._topics.values()]
         start = min(self._first_ns, self._last_ns)
         content = metadata_yaml(self.file.name, topics, start, self._last_ns, self.custom_data)
         unfinished = self.path / ".metadata.yaml.tmp"
@@ -138,8 +186,3 @@ class CrashSafeWriter:
                 f"cannot write {self.path}: {error.strerror}; {cure}; what was written before is kept, "
                 "'deeptruck-model repair' makes a bag of it"
             ) from None
-
-
-class _Channel:
-    def __init__(self, channel_id: int, type_name: str) -> None:
-        self.id, self.type_name, self.count = channel_id, type_name, 0

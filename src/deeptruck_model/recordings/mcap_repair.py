@@ -31,7 +31,7 @@ from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_model.checks import METADATA
 from deeptruck_model.recordings.bag_file import MAGIC, RECORD_HEAD
-from deeptruck_model.recordings.bag_metadata import Topic, metadata_yaml
+from deeptruck_model.recordings.crash_safe import Topic, metadata_yaml
 from deeptruck_model.recordings.mcap_chunks import ENTRY, UNREADABLE, content_of, learn, scan_messages
 
 _END = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}  # bytes of the records behind which all is made anew

@@ -5,20 +5,37 @@ topics.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rosbags.typesys import get_types_from_idl, get_types_from_msg
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from deeptruck_core import reading
 from deeptruck_core.errors import InputError
-from deeptruck_model.recordings.bag_metadata import typestore
-from deeptruck_model.recordings.bag_storage import Connection
+
+if TYPE_CHECKING:
+    from deeptruck_model.recordings.bag_storage import Connection
 
 _RULE = "=" * 80 + "\n"  # between the definitions of several types in one text
 _CURE = "give the .msg files of the messages"
 
 Types = dict[str, Any]
+
+
+@cache
+def definition(type_name: str) -> tuple[str, str]:
+    """Message definition and RIHS01 hash of a ROS 2 Jazzy type. Raises InputError for an unknown type."""
+    store = typestore()
+    if type_name not in store.fielddefs:
+        raise InputError(f"message type {type_name} is not one of ROS 2 Jazzy's common interfaces")
+    return store.generate_msgdef(type_name, ros_version=2)[0], store.hash_rihs01(type_name)
+
+
+@cache
+def typestore() -> Any:
+    """The message types of ROS 2 Jazzy."""
+    return get_typestore(Stores.ROS2_JAZZY)
 
 
 class Definitions:

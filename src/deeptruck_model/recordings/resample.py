@@ -20,7 +20,6 @@ from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model.recordings.consistency import accelerometer, agreement
 from deeptruck_model.recordings.consistency.impossible import Places, moving_at_zero
 from deeptruck_model.recordings.consistency.sensors import doubts
-from deeptruck_model.recordings.earth import metres_per_degree
 from deeptruck_model.recordings.interpolate import (
     GAP_PERIODS,
     GAP_S,
@@ -33,6 +32,7 @@ from deeptruck_model.recordings.interpolate import (
 )
 from deeptruck_model.recordings.ranges import NEEDED, REVERSING, Range, Seen, reversing
 from deeptruck_model.recordings.recording import FROM_SPEED, Recording
+from deeptruck_model.recordings.units import metres_per_degree
 
 MARGIN_S = 60.0  # samples this far around a tick are at hand when it is computed
 NO_SPEED = "recorded while there was no speed"

@@ -13,6 +13,7 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.reading import near
 from deeptruck_core.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS
 
+AXIS_M, ECCENTRICITY_SQUARED = 6378137.0, 0.00669437999  # half the long axis of WGS84
 DIESEL_DENSITY = 0.832  # g/cm^3 at 15 degC, middle of EN 590's 0.820 to 0.845
 
 TIME_UNITS = {
@@ -136,6 +137,15 @@ def between(unit: str, other: str) -> tuple[float, float] | None:
             (a, b), (c, d) = known[one], known[two]
             return a / c, (b - d) / c
     return None
+
+
+def metres_per_degree(latitude: Array | float) -> tuple[Array, Array]:
+    """Metres per degree of longitude and of latitude, at latitudes (n,) in degrees, on the ellipsoid WGS84; a
+    sphere is wrong by up to half a percent."""
+    radians = np.radians(latitude)
+    left = 1.0 - ECCENTRICITY_SQUARED * np.sin(radians) ** 2
+    east, north = AXIS_M * np.cos(radians) / left**0.5, AXIS_M * (1.0 - ECCENTRICITY_SQUARED) / left**1.5
+    return np.radians(east), np.radians(north)
 
 
 def known_units(channel: str) -> list[str]:

@@ -7,7 +7,7 @@ import pytest
 
 from deeptruck_model.compare.alignment import Road, road
 from deeptruck_model.compare.sides import Side
-from deeptruck_model.recordings.earth import metres_per_degree
+from deeptruck_model.recordings.units import metres_per_degree
 
 
 def _north(east_m: float) -> Side:

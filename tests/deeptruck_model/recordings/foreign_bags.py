@@ -12,7 +12,7 @@ from rosbags.rosbag2 import CompressionFormat, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from deeptruck_model.recordings.bag_metadata import definition
+from deeptruck_model.recordings.message_definitions import definition
 
 TWIST = "geometry_msgs/msg/TwistStamped"
 TYPES, ROS1 = get_typestore(Stores.ROS2_JAZZY), get_typestore(Stores.ROS1_NOETIC)

@@ -7,7 +7,7 @@ import pytest
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS
-from deeptruck_model.recordings.units import conversion, known_units
+from deeptruck_model.recordings.units import conversion, known_units, metres_per_degree
 
 
 @pytest.mark.parametrize(
@@ -83,3 +83,14 @@ def test_a_unit_that_does_not_fit_is_named_with_those_that_do(channel: str, unit
 def test_an_unknown_channel_is_named() -> None:
     with pytest.raises(InputError, match="unknown channel 'velocity'"):
         conversion("velocity", "m/s")
+
+
+@pytest.mark.parametrize(
+    ("latitude", "east_m", "north_m"),
+    # a degree of longitude and of latitude, as tables of WGS84 give it
+    [(0.0, 111319.5, 110574.3), (45.0, 78846.8, 111131.8), (60.0, 55800.0, 111412.3)],
+)
+def test_a_degree_has_the_metres_of_the_ellipsoid(latitude: float, east_m: float, north_m: float) -> None:
+    east, north = metres_per_degree(latitude)
+    assert float(east) == pytest.approx(east_m, rel=2e-6) and float(north) == pytest.approx(north_m, rel=2e-6)
+    assert metres_per_degree(np.full(3, latitude))[1].shape == (3,)

@@ -17,7 +17,7 @@ from deeptruck_core.arrays import Array
 from deeptruck_model.compare.alignment import NEAR_M
 from deeptruck_model.mismatch.prepare.prepared import Prepared, fill
 from deeptruck_model.mismatch.rules import Limits
-from deeptruck_model.recordings.earth import metres_per_degree
+from deeptruck_model.recordings.units import metres_per_degree
 
 STEP_M = 10.0
 SMOOTH = 2.0  # steps over which a receiver's error is smoothed

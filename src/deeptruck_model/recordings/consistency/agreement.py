@@ -23,11 +23,10 @@ from deeptruck_model.recordings.consistency.windows import (
     Doubt,
     windows,
 )
-from deeptruck_model.recordings.earth import metres_per_degree
 from deeptruck_model.recordings.interpolate import Series
 from deeptruck_model.recordings.ranges import Seen
 from deeptruck_model.recordings.recording import FROM_SPEED, Recording
-from deeptruck_model.recordings.units import SPEED_RATIOS
+from deeptruck_model.recordings.units import SPEED_RATIOS, metres_per_degree
 from deeptruck_model.recordings.words import LEADER, header
 
 COARSE = 0.1  # of the way in a window: positions of a larger step give no speed

@@ -24,7 +24,7 @@ from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.tables.column import RARE, Column
 from deeptruck_model.recordings.tables.row_clock import RowClock
 from deeptruck_model.recordings.tables.table import Table
-from deeptruck_model.recordings.units import conversion
+from deeptruck_model.recordings.units import conversion, metres_per_degree
 from deeptruck_model.recordings.words import (
     BY_WORDS,
     COMMANDED,
@@ -38,7 +38,6 @@ from deeptruck_model.recordings.words import (
 )
 
 LOOKED_AT = 100_000  # rows by which the clock is found and units are compared
-METRES_PER_DEGREE = 111_195.0  # of a great circle
 SIGNED = 0.02  # of the largest value: below minus this a pedal does brake
 _LAST = 10  # place behind all others: receivers report a speed a second or two late
 _SATELLITES = frozenset(("gps", "gnss"))
@@ -199,13 +198,12 @@ def _by_unit(columns: list[Column], known: list[Candidate]) -> list[Candidate]:
 def _on_a_plane(columns: list[Column], at: NDArray[np.int64]) -> Iterator[tuple[str, list[Array]]]:
     """Columns x and y of positions in metres, (n,) each, as latitude and longitude near the equator."""
     named = {c.name: c for c in columns if c.header.words & {"x"} and c.header.words <= PLACE_WORDS}
+    metres = metres_per_degree(0.0)[::-1]  # of latitude and of longitude
     for name, x in named.items():
         y = next((c for c in columns if c.name == sibling(name, [other.name for other in columns])), None)
         if y is not None and x.header.unit in ("", "m"):
-            yield (
-                plain(name),
-                [(axis - np.nanmean(axis)) / METRES_PER_DEGREE for axis in (y.values[at], x.values[at])],
-            )
+            axes = zip((y.values[at], x.values[at]), metres, strict=True)
+            yield plain(name), [(axis - np.nanmean(axis)) / metre for axis, metre in axes]
 
 
 def _grows(values: Array) -> bool:
