@@ -203,6 +203,7 @@ def _envelope(axis: Axes, minutes: Array, values: Array) -> None:
 def page(found: Mapping[str, Any], maps: bytes, channels: bytes, units: str = "m/s") -> str:
     """The HTML page of coverage.json and its two pictures (PNG), with speeds in `units`."""
     seconds = np.array(found["occupancy"]["seconds"])
+    each = [Folded(table.says, (table,)) for table in (_table(r, units) for r in found["recordings"])]
     conditions = Table(CONDITIONS, ("condition", "driven", "enough to learn it"), rows(seconds, units))
     return document(
         shown(found["judgement"], units),
@@ -212,15 +213,9 @@ def page(found: Mapping[str, Any], maps: bytes, channels: bytes, units: str = "m
             conditions,
             Picture(maps, SHOWS),
             *(Folded(table.says, (table,)) for table in map(_account, found["accounts"])),
-            *_channels(found["recordings"], units),
+            *([Folded(f"Channels of {len(each)} recordings", each)] if len(each) > 1 else each),
         ],
     )
-
-
-def _channels(recordings: Sequence[dict[str, Any]], units: str) -> list[Folded]:
-    """The channels of each recording, collapsed if there are several."""
-    each = [Folded(table.says, (table,)) for table in (_table(r, units) for r in recordings)]
-    return [Folded(f"Channels of {len(each)} recordings", each)] if len(each) > 1 else each
 
 
 def _account(account: dict[str, Any]) -> Table:

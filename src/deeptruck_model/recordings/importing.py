@@ -154,7 +154,7 @@ def _mapping(columns: Meaning) -> dict[str, Any]:
 
 def _of_table(path: Path, meaning: Columns) -> list[Recording]:
     samples = read_samples(path, meaning)
-    account, name = samples.account, meaning.name or path.stem
+    account, name = samples.table.account, meaning.name or path.stem
     recordings = uniform(
         samples.series,
         name=name,
@@ -167,7 +167,7 @@ def _of_table(path: Path, meaning: Columns) -> list[Recording]:
     inside = np.zeros(len(samples.time), dtype=bool)
     for start, end in account.spans:
         inside |= (samples.time >= start - recordings[0].dt) & (samples.time <= end + recordings[0].dt)
-    samples.set_aside(~inside, "outside the pieces, where speed is missing or has a single sample")
+    samples.table.without(~inside, "outside the pieces, where speed is missing or has a single sample")
     gated = any(column.gates for column in meaning.channels.values())
     return [gated_brake.substituted(r) for r in recordings] if gated else recordings
 

@@ -4,7 +4,6 @@ out.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -12,8 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_core.account import Account
-from deeptruck_core.arrays import Array, Mask
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.extract import SIDEWAYS
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, Series, period
@@ -33,24 +31,14 @@ COARSE, SOONEST = 2.5, 0.6  # resolutions by which a coarse sensor changes; of t
 
 @dataclass(frozen=True)
 class Samples:
-    """The channels of a table as series in canonical units; `time` (n,) are those of the rows in s since the
-    first, ascending, `cuts` the times at which a new piece begins, and `notes` how it was read.
+    """The channels of a `table` as series in canonical units; `time` (n,) are the times of its rows in s since
+    the first, ascending, `cuts` those at which a new piece begins, and `notes` how it was read."""
 
-    `place` describes a row in the file, such as 'line 7'.
-    """
-
+    table: Table
     time: Array
     series: dict[str, Series]
     cuts: list[float]
     notes: list[str]
-    account: Account
-    place: Callable[[int], str]
-
-    def set_aside(self, out: Mask, reason: str) -> None:
-        """Count the rows `out` (n,) as not used."""
-        if out.any():
-            self.account.total.set_aside(reason, self.place(int(np.argmax(out))), int(out.sum()))
-            self.account.total.used = int((~out).sum())
 
 
 def read_samples(path: Path, meaning: Columns) -> Samples:
@@ -92,7 +80,7 @@ def read_samples(path: Path, meaning: Columns) -> Samples:
                 "outside their piece once put back by late_s", count=lost
             )
             notes.append(f"{channel} is stamped {column.late_s:g} s late and was put back")
-    return Samples(time, series, cuts, notes, table.account, table.at)
+    return Samples(table, time, series, cuts, notes)
 
 
 def _check_pedals(table: Table, meaning: Columns) -> None:
