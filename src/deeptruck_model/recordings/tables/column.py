@@ -40,7 +40,7 @@ _THOUSANDS = r"^[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"
 @dataclass(frozen=True)
 class Parsed:
     """The numbers of a column (n,), NaN for blank cells and text; which rows (n,) are such text; and the unit
-    written behind the numbers, '' if there is none."""
+    written behind the numbers, as `units.conversion` spells it, '' if there is none."""
 
     values: Array
     unreadable: Mask
@@ -111,7 +111,7 @@ class Column:
     def _unit_of_cells(self) -> str:
         if not self.is_text:
             return ""
-        if spelled(self.unit, self.name):
+        if self.unit:
             return self.unit
         above = [cell or "" for cell in self.cells[:MOST_ABOVE].to_pylist()]
         return next((cell for cell in above if spelled(cell, self.name)), "")
@@ -176,7 +176,7 @@ class Column:
                 values = np.where(of == code, into[0] * values + into[1], values)
             elif name != usual and (of == code).mean() > 0:
                 unreadable = unreadable | (of == code)
-        return Parsed(np.where(unreadable, np.nan, values), unreadable, usual)
+        return Parsed(np.where(unreadable, np.nan, values), unreadable, spelled(usual, self.name))
 
     def _with_words(self, values: Array, unreadable: Mask) -> Parsed:
         """Words of switches as 1 and 0 in a column without numbers, and letters of gears beside numbers of

@@ -22,7 +22,7 @@ from deeptruck_model.recordings.tables.table import Table, key_of, only, take_tu
 from deeptruck_model.recordings.tables.table_file import read_table
 from deeptruck_model.recordings.topic_map import Source
 from deeptruck_model.recordings.units import conversion
-from deeptruck_model.recordings.words import fits, sibling, spelled
+from deeptruck_model.recordings.words import fits, sibling
 
 LEAST_RENEWALS = 20  # by which a value is seen to be held between them
 EVEN = 1.5  # times their median step that samples are apart at most, where no one is missing
@@ -31,8 +31,8 @@ COARSE, SOONEST = 2.5, 0.6  # resolutions by which a coarse sensor changes; of t
 
 @dataclass(frozen=True)
 class Samples:
-    """The channels of a `table` as series in canonical units; `time` (n,) are the times of its rows in s since
-    the first, ascending, `cuts` those at which a new piece begins, and `notes` how it was read."""
+    """The channels of a `table` as series in canonical units; `time` (n,) are the times of its rows, s since
+    the first, ascending; a new piece begins at each of `cuts`; `notes` say how it was read."""
 
     table: Table
     time: Array
@@ -110,7 +110,7 @@ def _values(table: Table, channel: str, column: Source) -> Array:
                 f"({rms:.1f} m/s): it is one component; take the norm of both by "
                 f"'column: [{column.field}, {other}]'"
             )
-    written = spelled(table[column.field].unit, column.field)
+    written = table[column.field].unit
     if written and fits(channel, written) and conversion(channel, written) != column.convert:
         raise InputError(
             f"{table.path}: cells of '{column.field}' are in {written}, and COLUMNS has another unit for "
