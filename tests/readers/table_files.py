@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from csv_tables import write_csv
 from pyarrow import parquet
 
 from deeptruck_model.recordings import import_table
@@ -25,12 +26,7 @@ def _columns(rows: int = 40) -> dict[str, Any]:
 
 def csv_table(folder: Path) -> Path:
     """A CSV file."""
-    rows = [
-        ",".join(_columns()),
-        *(",".join(map(str, row)) for row in zip(*_columns().values(), strict=True)),
-    ]
-    (folder / "table.csv").write_text("\n".join(rows) + "\n")
-    return folder / "table.csv"
+    return write_csv(folder / "table.csv", _columns())
 
 
 def parquet_table(folder: Path) -> Path:

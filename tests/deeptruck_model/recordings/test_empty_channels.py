@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from csv_tables import write_csv
 from foreign_bags import Message, S, bag_of, number, twist
 
 from deeptruck_model.recordings import read
@@ -40,8 +41,8 @@ EMPTY = {  # what stands in a channel's k-th sample of 300
 
 
 def by_table(folder: Path, values: dict[str, Callable[[int], float]]) -> str:
-    rows = [",".join([f"{k / 10}", "10", *(f"{values[c](k)}" for c in VALID)]) for k in range(300)]
-    (folder / "drive.csv").write_text("\n".join([",".join(["t", "v", *VALID]), *rows]) + "\n")
+    k = np.arange(300)
+    write_csv(folder / "drive.csv", {"t": k / 10, "v": 0 * k + 10, **{c: map(values[c], k) for c in VALID}})
     (folder / "columns.yaml").write_text(COLUMNS)
     return "drive.csv"
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from csv_tables import write_csv
 from foreign_bags import Message, S, bag_of, number, twist
 
 from deeptruck_core.errors import InputError
@@ -25,9 +26,9 @@ extra:
 
 
 def test_columns_of_a_table_are_carried_as_they_are_written(tmp_path: Path) -> None:
-    rows = [f"{k / 10},{10 + k / 20},{-90 - k},{k}" for k in range(100)]
-    (tmp_path / "drive.csv").write_text("\n".join(["t,v,T_oil,fan", *rows]) + "\n")
-    import_table(tmp_path / "drive.csv", yaml.safe_load(COLUMNS), tmp_path / "bag")
+    k = np.arange(100)
+    table = write_csv(tmp_path / "drive.csv", {"t": k / 10, "v": 10 + k / 20, "T_oil": -90 - k, "fan": k})
+    import_table(table, yaml.safe_load(COLUMNS), tmp_path / "bag")
     (again,) = read(tmp_path / "bag")
     assert again.channels["oil_temperature"][:3].tolist() == [-90.0, -91.0, -92.0]
     assert again.channels["roof_fan"][:3] == pytest.approx([0.05, 0.06, 0.07])

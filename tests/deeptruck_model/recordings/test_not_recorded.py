@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from csv_tables import SPEED, write_csv
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import CHANNELS, TruckInterface
@@ -73,9 +74,9 @@ def test_bags_are_named_where_only_some_lack_it_and_pieces_are_no_bags(whole: Re
 
 
 def test_of_a_table_the_columns_are_named_and_no_topics(tmp_path: Path) -> None:
-    rows = [f"{0.1 * k:.1f},{10 + k % 3}" for k in range(50)]
-    (tmp_path / "drive.csv").write_text("\n".join(["t,v", *rows]))
-    columns = {"time": {"column": "t"}, "channels": {"speed": {"column": "v", "unit": "m/s"}}}
+    k = np.arange(50)
+    write_csv(tmp_path / "drive.csv", {"t": k / 10, "v": 10 + k % 3})
+    columns = {"time": {"column": "t"}, "channels": SPEED}
     bag = import_table(tmp_path / "drive.csv", columns, tmp_path / "bag").bag
     found = coverage(read(bag)).not_recorded
     assert [m["input"] for m in found] == [one.name for one in INPUTS]
@@ -114,24 +115,19 @@ def test_it_comes_first_on_the_terminal_in_the_numbers_and_on_the_page(
 
 
 def test_the_pedals_of_a_person_were_obeyed(tmp_path: Path) -> None:
-    table = tmp_path / "drive.csv"
-    rows = (f"{k / 10},{10 + k / 100},{k % 90}" for k in range(300))
-    table.write_text("\n".join(["t,v,accelerator_pedal_pct", *rows]))
-    columns = {
-        "time": {"column": "t"},
-        "channels": {
-            "speed": {"column": "v", "unit": "m/s"},
-            "engine_command": {"column": "accelerator_pedal_pct", "unit": "percent"},
-        },
-    }
+    k = np.arange(300)
+    columns = {"t": k / 10, "v": 10 + k / 100, "accelerator_pedal_pct": k % 90}
+    table = write_csv(tmp_path / "drive.csv", columns)
+    pedal = {"column": "accelerator_pedal_pct", "unit": "percent"}
+    meaning = {"time": {"column": "t"}, "channels": {**SPEED, "engine_command": pedal}}
     for name, stated in (("unstated", {}), ("stated", {"driven_by": "person"})):
-        import_table(table, {**columns, **stated}, tmp_path / name)
+        import_table(table, {**meaning, **stated}, tmp_path / name)
         (found,) = read(tmp_path / name)
         assert found.interface.driven_by == stated.get("driven_by")
         lacking = {missing.input.name for missing in not_recorded([found])}
         assert ("commands obeyed" in lacking) == (not stated)
     with pytest.raises(InputError, match="driven_by: 'me' is not one of"):
-        import_table(table, {**columns, "driven_by": "me"}, tmp_path / "other")
+        import_table(table, {**meaning, "driven_by": "me"}, tmp_path / "other")
     topics = {"speed": {"topic": "/truck/twist", "field": "twist.linear.x"}, "driven_by": "person"}
     (mapped,) = read(tmp_path / "unstated", topic_map=topics)
     assert mapped.interface.driven_by == "person"
