@@ -80,7 +80,7 @@ def ideal(p: Posterior, force: Array, name: str, accepted: Collection[str] = ())
     if float(np.sqrt(np.mean(force[p.search.rows] ** 2))) < LEAST:
         return None
     r = p.beside([Kernel(TRUE, force[:, None])])
-    unit = p.draws.unit
+    unit = p.search.rules.evidence_temperature
     names = [*(k.name for k in p.of), TRUE]
     own = np.array([n == name for n in names])
     right = np.array([n == name or n in accepted for n in names])

@@ -155,7 +155,7 @@ class Limits:
     form_error: float = _rule(0.1, "1", CHOSEN,
         "model-form error, of the standard deviation of the lasting residual")
     law_error: float = _rule(0.005, "1", CHOSEN,
-        "of the gain of the best name, which is added to the evidence temperature: laws are approximate too")
+        "of what laws gain, added to the evidence temperature in the choice of names: laws are approximate")
     least_ratio: float = _rule(0.5, "1", CHOSEN,
         "of the driving on a learned simulator's own recordings: its discrepancy is scaled by no less")
     in_drive: float = _rule(0.15, "1", CHOSEN,

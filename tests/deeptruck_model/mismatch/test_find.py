@@ -66,7 +66,7 @@ def test_a_wrong_mass_is_a_parameter_error_of_the_right_size() -> None:
     assert said["verdict"] == "parameter_error" and effects(said) == ["mass"]
     mass = said["findings"][0]["parameters"]["mass"]
     assert mass["unit"] == "kg" and mass["value"] == pytest.approx(1.2 * MASS, rel=0.03)
-    assert mass["ci95"][0] < mass["value"] < mass["ci95"][1] and np.diff(mass["ci95"]) < 0.2 * MASS
+    assert mass["ci95"][0] < mass["value"] < mass["ci95"][1] and np.diff(mass["ci95"]) < 0.1 * MASS
     assert said["fit"]["validated"] and said["fit"]["improvement_ci95"][0] > 0.5
 
 

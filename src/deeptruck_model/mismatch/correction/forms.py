@@ -36,7 +36,7 @@ class NamedForce:
 
     def factor(self, sizes: Array) -> float:
         """How much larger the force is with these sizes (k,) than in the draws."""
-        columns = np.nan_to_num(self.term.columns)
+        columns = self.term.columns
         drawn = columns @ self.term.prior.mean
         return float(drawn @ (columns @ sizes)) / max(float(drawn @ drawn), 1e-12)
 
@@ -57,7 +57,7 @@ def named_forces(p: Posterior, found: Sequence[Named], e: Evidence) -> dict[str,
         term = functools.reduce(merge, _forms(p.search, options, force))
         drawn = p.on_columns(name, term.columns, named.given)
         sizes, rows = drawn.mean(axis=0), p.search.rows
-        left = force[rows] - np.nan_to_num(term.columns[rows]) @ sizes
+        left = force[rows] - term.columns[rows] @ sizes
         if float(left @ left) <= (1.0 - Limits.least_carried) * float(force[rows] @ force[rows]):
             sd = np.maximum(drawn.std(axis=0), SIZE_SD * np.abs(sizes)) + 1e-9
             prior = Prior(sizes, sd, term.prior.sign)
@@ -152,7 +152,7 @@ def _products(
     squares; and the columns of each term."""
     rows = search.rows
     widths = np.cumsum([0, *(t.columns.shape[1] for t in options)])
-    X = np.concatenate([np.nan_to_num(t.columns[rows]) for t in options], axis=1)
+    X = np.concatenate([t.columns[rows] for t in options], axis=1)
     own = [np.arange(a, b) for a, b in itertools.pairwise(widths)]
     return X.T @ X, X.T @ force[rows], float(force[rows] @ force[rows]), own
 

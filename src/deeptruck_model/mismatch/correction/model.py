@@ -165,7 +165,7 @@ def _added(model: Model, named: Mapping[str, NamedForce]) -> dict[str, Added]:
     for term in model.named:
         effect = term.mechanism.effect
         sizes = model.coefficients(effect)
-        force = np.nan_to_num(term.columns) @ sizes
+        force = term.columns @ sizes
         if effect in named:
             out[effect] = Added(force, named[effect].factor(sizes))
         else:

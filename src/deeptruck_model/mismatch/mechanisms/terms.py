@@ -185,15 +185,25 @@ def merge(first: CandidateTerm, other: CandidateTerm) -> CandidateTerm:
 
 
 def candidate_terms(mechanism: Mechanism, e: Evidence) -> list[CandidateTerm]:
-    """Every candidate term of a mechanism on this evidence, except those that are zero throughout."""
-    made = [candidate_term(mechanism, variant, e) for variant in every_variant(mechanism, e)]
+    """Every candidate term of a mechanism on this evidence, except those that are zero throughout. Terms that
+    differ only in the size of their knots share their columns."""
+    known: dict[Variant, Array] = {}
+    made = []
+    for v in every_variant(mechanism, e):
+        course = replace(v.course, size=1.0) if isinstance(v.course, Spline) else v.course
+        key = replace(v, course=course)
+        made.append(candidate_term(mechanism, v, e, known.get(key)))
+        known[key] = made[-1].columns
     return [s for s in made if np.abs(s.columns[e.valid]).max(initial=0.0) > 1e-6]
 
 
-def candidate_term(mechanism: Mechanism, variant: Variant, e: Evidence) -> CandidateTerm:
-    """One candidate term of a mechanism on this evidence."""
+def candidate_term(
+    mechanism: Mechanism, variant: Variant, e: Evidence, columns: Array | None = None
+) -> CandidateTerm:
+    """One candidate term of a mechanism on this evidence; its `columns` (n, k) where they are known."""
     parts = build(mechanism, (variant,))
-    columns = np.stack(rows_of([p.expression for p in parts], e), axis=1)
+    if columns is None:
+        columns = np.stack(rows_of([p.expression for p in parts], e), axis=1)
     prior = Prior(*(np.array([getattr(p, f) for p in parts], dtype=float) for f in ("mean", "sd", "sign")))
     return CandidateTerm(mechanism, (variant,), tuple(parts), columns, prior)
 

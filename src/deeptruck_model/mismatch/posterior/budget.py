@@ -103,7 +103,8 @@ def budget(p: Posterior, given: Evidence, of: Mask | None = None) -> Budget:
         )
         for name in names
     ]
-    whole = np.column_stack([np.where(used[:, None], columns, 0.0), *fixed.values(), residual])
+    whole = np.nan_to_num(np.column_stack([*columns, *fixed.values(), residual]), copy=False)
+    whole[~used, : len(part_of)] = 0.0
     by_drive = {
         i: _products(whole, [k for k in starts if e.record[k] == i], steps, e.dt)
         for i in np.unique(e.record[np.array(starts)])
@@ -116,7 +117,10 @@ def budget(p: Posterior, given: Evidence, of: Mask | None = None) -> Budget:
     low, high = np.minimum(low, share), np.maximum(high, share)  # of what is in few draws
     drives = {e.drives[i].name: _shares(middle, groups, own)[0] for i, own in by_drive.items()}
     mean = np.concatenate([middle[0], np.ones(len(fixed))])
-    forces = [whole[:, a] @ mean[a] for a in groups]
+    of_part = np.zeros((len(mean), len(groups)))
+    for i, a in enumerate(groups):
+        of_part[a, i] = mean[a]
+    forces = [*(whole[:, :-1] @ of_part).T]
     forces.append(residual - np.sum(forces, axis=0))
     names.append(LEFT_OVER)
     parts = [
@@ -144,9 +148,10 @@ def _white(p: Posterior, starts: Sequence[int], steps: int) -> float:
     return float(sum(np.cumsum(variance[k : k + steps]).sum() for k in starts))
 
 
-def _columns(p: Posterior) -> tuple[Array, Array, list[str]]:
-    """Columns (n, k) that are nonzero in any draw, their coefficients (m, k), and the part of each. Columns
-    that follow recorded channels without being a mechanism, such as form errors, have no known part."""
+def _columns(p: Posterior) -> tuple[list[Array], Array, list[str]]:
+    """Blocks of columns (n, k) that are nonzero in any draw, their coefficients (m, k), and the part of each
+    column. Those that follow recorded channels without being a mechanism, such as form errors, have no known
+    part."""
     b = p.draws.coefficients
     always = p.always.shape[1]
     own: list[Array] = [p.always]
@@ -159,7 +164,7 @@ def _columns(p: Posterior) -> tuple[Array, Array, list[str]]:
             own.append(k.features)
             at.append(place)
             parts += [part] * len(place)
-    return np.nan_to_num(np.concatenate(own, axis=1)), b[:, np.concatenate(at)], parts
+    return own, b[:, np.concatenate(at)], parts
 
 
 def _products(columns: Array, starts: Sequence[int], steps: int, dt: float) -> Array:

@@ -31,7 +31,7 @@ IN_PLACE = 0.5  # of a block's gain, from which on a name may act in its place
 MOST_NAMES = 12  # that are fitted, those that gain most
 FORMS = 2  # of a name that are fitted
 LEAST_GAIN = 3.0  # nats, of a form that is fitted
-EVALUATIONS = 40  # of one form's columns
+EVALUATIONS = 20  # of one form's columns
 REACH = 2.0  # sds of a constant's log-normal prior between its middle and either limit
 STEP, WIDE = 0.1, 0.5  # sds of that prior: of a numerical derivative; over which it is linear
 COARSE = 0.5  # prior sd of the coarse kernel, which has what no form has, over its own
@@ -184,7 +184,7 @@ def _fit(beside: Beside, m: Mechanism, v: Variant, limits: Mapping[str, tuple[fl
 def _columns(beside: Beside, m: Mechanism, v: Variant) -> Array:
     """Columns (n, k) of a variant with unit prior variance."""
     term = candidate_term(m, v, beside.search.e)
-    return np.nan_to_num(term.columns) * np.hypot(term.prior.sd, term.prior.mean)
+    return term.columns * np.hypot(term.prior.sd, term.prior.mean)
 
 
 def _gain(beside: Beside, columns: Array) -> float:

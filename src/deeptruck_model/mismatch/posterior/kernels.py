@@ -19,8 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, Mechanism, candidate_terms
-from deeptruck_model.mismatch.mechanisms.courses import Spline
-from deeptruck_model.mismatch.mechanisms.record import Variant
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression
 from deeptruck_model.mismatch.rules import Limits
 
@@ -97,19 +95,22 @@ def narrow(
     was at the prior `coarse`; the fitted `terms` are candidate terms of their mechanisms."""
     other = copy(search)
     other.fitted, other._candidate_terms = dict(terms), {}
+    off = _factors(search)
     made: list[Kernel] = []
     for k in kernels(search):
         if k.name in features and k.part == LAWS:
             law = replace(k, features=np.concatenate([features[k.name], k.features * coarse], axis=1))
             own = next(m for m in search.library if m.effect == k.name)
-            k = _with_error(search, replace(law, features=_thin(law.features, search, WITH_ERROR)), own)
+            law = replace(law, features=_thin(law.features, search, WITH_ERROR))
+            k = _with_error(search, law, own, off)
         made.append(k)
     _made[other] = tuple(made)
     return other
 
 
 def _kernels(search: Regression) -> tuple[Kernel, ...]:
-    found = [k for m in search.library for k in _of_terms(search, candidate_terms(m, search.e))]
+    off = _factors(search)
+    found = [k for m in search.library for k in _of_terms(search, candidate_terms(m, search.e), off)]
     parameters = [
         Kernel(
             p,
@@ -125,47 +126,52 @@ def _kernels(search: Regression) -> tuple[Kernel, ...]:
     )
 
 
-def _of_terms(search: Regression, terms: Sequence[CandidateTerm]) -> list[Kernel]:
+def _of_terms(search: Regression, terms: Sequence[CandidateTerm], off: Array) -> list[Kernel]:
     """One kernel of a name's constant terms with their error, and one of its terms that vary in time; terms
-    may be in any order."""
+    may be in any order, `off` is that of `_factors`."""
     terms = sorted(terms, key=lambda t: repr(t.variants))
     laws = [t for t in terms if not t.varies_in_time]
     varying = [t for t in terms if t.varies_in_time]
     out = []
     if laws:
-        out.append(_with_error(search, _kernel(search, laws, LAW), laws[0].mechanism))
+        out.append(_with_error(search, _kernel(search, laws, LAW), laws[0].mechanism, off))
     if varying:
         own = _kernel(search, varying, IN_TIME)
         out.append(replace(own, chance=own.chance * Limits.not_always, part=VARYING))
     return out
 
 
-def _with_error(search: Regression, law: Kernel, m: Mechanism) -> Kernel:
-    """The kernel of a law, and its leading directions times functions of common signals. Beside a learned
-    simulator laws alone are compared, because its own errors have such shapes too."""
-    if m.family not in FORCES or search.e.model_discrepancy != 0:
-        return law
+def _factors(search: Regression) -> Array:
+    """Functions (n, f) of common signals, by whose sum times OFF a law may be off."""
     off = np.stack(_functions_of(STATES, search), axis=1)
     off *= OFF / np.sqrt(np.mean(np.sum(off[search.rows] ** 2, axis=1)))
-    products = law.features[:, :LEADING, None] * off[:, None, :].astype(np.float32)
+    return off.astype(np.float32)
+
+
+def _with_error(search: Regression, law: Kernel, m: Mechanism, off: Array) -> Kernel:
+    """The kernel of a law, and its leading directions times the factors `off`. Beside a learned simulator
+    laws alone are compared, because its own errors have such shapes too."""
+    if m.family not in FORCES or search.e.model_discrepancy != 0:
+        return law
+    products = law.features[:, :LEADING, None] * off[:, None, :]
     both = np.concatenate([law.features, products.reshape(len(off), -1)], axis=1)
     return replace(law, features=_thin(both, search, WITH_ERROR))
 
 
 def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int) -> Kernel:
     # of the same columns, which several terms have at other sizes
-    power: dict[tuple[Variant, ...], Array] = {}
-    first: dict[tuple[Variant, ...], CandidateTerm] = {}
+    power: dict[int, Array] = {}
+    first: dict[int, CandidateTerm] = {}
     typical = np.zeros(len(search.e))
     for t in terms:
-        key = tuple(_of_any_size(v) for v in t.variants)
+        key = id(t.columns)
         first.setdefault(key, t)
         power[key] = power.get(key, 0.0) + (t.prior.sd**2 + t.prior.mean**2) / len(terms)
-        typical += np.nan_to_num(first[key].columns).sum(axis=1)
+        typical += t.columns.sum(axis=1)
     ends = np.cumsum([t.columns.shape[1] for t in first.values()])
     features = np.empty((len(search.e), ends[-1]), dtype=np.float32)
     for end, (key, t) in zip(ends, first.items(), strict=True):
-        features[:, end - t.columns.shape[1] : end] = np.nan_to_num(t.columns) * np.sqrt(power[key])
+        features[:, end - t.columns.shape[1] : end] = t.columns * np.sqrt(power[key])
     signed = all((t.prior.sign > 0).all() for t in terms)
     mechanism = terms[0].mechanism
     return Kernel(
@@ -174,11 +180,6 @@ def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int) -> Ke
         typical if signed else None,
         mechanism.chance(search.e),
     )
-
-
-def _of_any_size(v: Variant) -> Variant:
-    """The variant with knots of unit size; variants that differ only in this size have the same columns."""
-    return replace(v, course=replace(v.course, size=1.0)) if isinstance(v.course, Spline) else v
 
 
 def _thin(features: NDArray[Any], search: Regression, most: int) -> NDArray[Any]:

@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.air_tyres_road import HILLY
 from deeptruck_model.mismatch.mechanisms.courses import FINE_M, SLOW_KNOT_S
 from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, EVENT, PLACE, SLOW, UNKNOWN
-from deeptruck_model.mismatch.posterior.kernels import IN_EVENTS, Kernel, kernels
+from deeptruck_model.mismatch.posterior.kernels import IN_EVENTS, LAWS, VARYING, Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.posterior.sampler import SIZES, SWEEPS, Blocks, Draws, Reduced, sample
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -204,7 +204,8 @@ def _blocks(search: Regression, of: Sequence[Kernel], always: Array, y: Array, n
     each = {**dict.fromkeys(NO_NAME, nameless), SLOPE: DRIFT_ODDS, EVENT: DRIFT_ODDS}
     odds = np.log([each.get(k.part, search.rules.odds) * k.chance for k in of])
     signed = [None if k.sign is None else _signed(k, search) for k in of]
-    return Blocks(gram, pull, _places_of(always, of), odds, signed)
+    law = np.array([k.part in (LAWS, VARYING, IN_EVENTS) for k in of])
+    return Blocks(gram, pull, _places_of(always, of), odds, signed, law)
 
 
 def _form_error(search: Regression) -> Array:

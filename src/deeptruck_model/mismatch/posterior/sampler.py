@@ -19,6 +19,7 @@ from scipy.special import log_ndtr
 from deeptruck_model.trucks.compiled import entry
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Places = NDArray[np.intp]
 State = tuple[int, ...]  # of every block the place of its size in SIZES, or OUT
 
@@ -26,7 +27,7 @@ SIZES = np.array([0.15, 0.4, 1.0, 2.5])  # of a block beside its prior sd, equal
 OUT = -1
 NO_SIGN = np.zeros(0)
 LEAST_POWER = 0.02  # of a direction at the largest size, in units of the noise: less says nothing
-SWEEPS, BURN_IN = 240, 60
+SWEEPS, BURN_IN = 240, 20
 LEAST_STEP = 1e-6  # of log probability, by which another state is more probable
 MOST_KNOWN = 300  # states that are remembered: a root is up to a megabyte
 
@@ -34,14 +35,16 @@ MOST_KNOWN = 300  # states that are remembered: a root is up to a megabyte
 @dataclass(frozen=True)
 class Blocks:
     """Inner products of whitened columns: `gram` (k, k) and `pull` (k,) with the residual, of which `at` each
-    block has its own; log prior odds (blocks,) of being in; and `signed` by block the products (k_j,) of its
-    columns with a force whose sign is the only one that it can have, or None."""
+    block has its own; log prior odds (blocks,) of being in; `signed` by block the products (k_j,) of its
+    columns with a force whose sign is the only one that it can have, or None; and which blocks are a `law`
+    (blocks,), whose form is approximate: parameters and drifts are not."""
 
     gram: Array
     pull: Array
     at: Sequence[Places]
     log_odds: Array
     signed: Sequence[Array | None]
+    law: Mask
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class Draws:
     """Draws of the posterior: states (m, blocks) and coefficients (m, k).
 
     `alone` (blocks, sizes) is each block's own gain at each size, in nats over no active block; `space` gives
-    the gains relative to any state, and log evidence was divided by `unit`.
+    the gains relative to any state, and log evidence was divided by `unit` in the choice of blocks.
     """
 
     states: NDArray[np.int_]
@@ -100,10 +103,14 @@ class Reduced:
         ends = np.cumsum([0, *kept])
         self.at = [np.arange(a, b) for a, b in itertools.pairwise(ends)]
         whole = np.zeros((len(c), ends[-1]))
+        half = np.zeros((len(c), ends[-1]))  # left @ whole, of which every column has one block
         for own, at, turn in zip(blocks.at, self.at, self.turns, strict=True):
             whole[np.ix_(own, at)] = turn
-        self.whole = whole
-        self.gram, self.pull = whole.T @ left @ whole, whole.T @ pull
+            half[:, at] = left[:, own] @ turn
+        self.whole, self.pull = whole, whole.T @ pull
+        self.gram = np.empty((ends[-1], ends[-1]))
+        for own, at, turn in zip(blocks.at, self.at, self.turns, strict=True):
+            self.gram[at] = turn.T @ half[own]
         self.across, self.onto = across @ whole, onto
         self.signed = [
             None if s is None else turn.T @ s for s, turn in zip(blocks.signed, self.turns, strict=True)
@@ -259,23 +266,26 @@ def sample(
 ) -> Draws:
     """Draw states and coefficients. Columns in `always` are always active with unit prior variance.
 
-    Log evidence is divided by `unit`, because the noise is approximate, plus the share `law_error` of what
-    the best block gains, because its law is: the more a force explains, the more does an error of its law.
+    Log evidence is divided by `unit`, because the noise is approximate. In the choice of blocks the share
+    `law_error` of what laws gain beside the blocks that are none is added to it: the more laws explain, the
+    more does an error of their form, which another name may follow. Parameters have no such error, nor have
+    coefficients, given the blocks.
     """
     rng = np.random.default_rng(seed)
     r = Reduced(blocks, always)
     alone = r.table((OUT,) * len(r.at))
-    unit += law_error * max(float(alone.max(initial=0.0)), 0.0)
     state = _greedy(r, unit)
+    others = tuple(OUT if is_law else s for s, is_law in zip(state, blocks.law, strict=True))
+    temperature = unit + law_error * max(r.evidence(state) - r.evidence(others), 0.0)
     states, coefficients = [], []
     for sweep in range(sweeps + BURN_IN):
-        for j in rng.permutation(len(r.at)):
-            state = _toggled(r, state, int(j), unit, rng)
-        state = _exchanged(r, state, unit, rng)
+        for j in rng.permutation(len(r.at))[: (len(r.at) + 1) // 2]:  # exchanges mix names; all say no more
+            state = _toggled(r, state, int(j), temperature, rng)
+        state = _exchanged(r, state, temperature, rng)
         if sweep >= BURN_IN:
             states.append(state)
             coefficients.append(r.drawn(state, unit, rng))
-    return Draws(np.array(states), np.array(coefficients), alone, r, unit)
+    return Draws(np.array(states), np.array(coefficients), alone, r, temperature)
 
 
 def most_probable(

@@ -8,7 +8,7 @@ are in it. Responses to two commands add up.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -178,48 +178,59 @@ def command_response(
 
 @dataclass(frozen=True)
 class _OfOneCommand:
-    """Runs with one command changed: `commands` and changes of the `accelerations` (run, T) of each drive,
-    the recorded command with no change first."""
+    """In every sample of each drive points of a function from the command that has arrived to the change of
+    the acceleration, `arrived` (run, T) ascending and `changes` (run, T), and its slope (T,) beyond them."""
 
-    commands: list[Array]
-    accelerations: list[Array]
+    arrived: list[Array]
+    changes: list[Array]
+    slopes: list[Array]
     dt: float
-    lag_s: float = 0.0
+    lag_s: float
 
-    def to(self, asked: Sequence[Array], runs: Iterable[int] | None = None) -> list[Array]:
-        """The change of the acceleration (T,) of each drive under the commands `asked` (T,), from the first
-        run and `runs`, all by default."""
-        rows = [0, *(range(1, len(self.commands[0])) if runs is None else runs)]
-        x = [_arrived(u[rows], self.dt, self.lag_s) for u in self.commands]
-        a = [each[rows] for each in self.accelerations]
-        slopes = self._slopes(x, a)
+    @staticmethod
+    def through(
+        commands: Sequence[Array], changes: Sequence[Array], dt: float, lag_s: float
+    ) -> _OfOneCommand:
+        """Through runs with these commands (run, T) of each drive; the first one has the recorded command."""
+        x = [_arrived(u, dt, lag_s) for u in commands]
+        slopes = _slopes(x, changes, max(float(np.ptp(u)) for u in commands), dt)
+        order = [np.argsort(each, axis=0) for each in x]
+        arrived, ascending = (
+            [np.take_along_axis(*each, axis=0) for each in zip(z, order, strict=True)] for z in (x, changes)
+        )
+        return _OfOneCommand(arrived, ascending, slopes, dt, lag_s)
+
+    def to(self, asked: Sequence[Array]) -> list[Array]:
+        """The change of the acceleration (T,) of each drive under the commands `asked` (T,)."""
         wanted = (_arrived(u[None], self.dt, self.lag_s)[0] for u in asked)
-        return [_interpolated(*each) for each in zip(x, a, wanted, slopes, strict=True)]
-
-    def _slopes(self, x: Sequence[Array], a: Sequence[Array]) -> list[Array]:
-        """Change of the acceleration per change of the command near each sample, (T,) of each drive."""
-        over = max(1, round(SMOOTH_S / self.dt))
-        both = [
-            ((each - each[:1]) * change, (each - each[:1]) ** 2) for each, change in zip(x, a, strict=True)
-        ]
-        product, square = (sum(float(part[i].sum()) for part in both) for i in (0, 1))
-        least = (LEAST * max(float(np.ptp(u)) for u in self.commands)) ** 2
-        mean = product / square if square > 0.0 else 0.0
         return [
-            (uniform_filter1d(p.sum(axis=0), over) + least * mean)
-            / np.maximum(uniform_filter1d(s.sum(axis=0), over) + least, 1e-12)
-            for p, s in both
+            _interpolated(*each) for each in zip(self.arrived, self.changes, wanted, self.slopes, strict=True)
         ]
 
-    def error(self, valid: Sequence[Mask]) -> float:
-        """Sum of squared errors by which the other runs predict each run, in `valid` samples."""
-        runs = range(1, len(self.commands[0]))
-        total = 0.0
-        for k in runs:
-            predicted = self.to([u[k] for u in self.commands], [r for r in runs if r != k])
-            off = zip(predicted, self.accelerations, valid, strict=True)
-            total += sum(float(np.sum((p - a[k])[v] ** 2)) for p, a, v in off)
-        return total
+
+def _slopes(x: Sequence[Array], a: Sequence[Array], span: float, dt: float) -> list[Array]:
+    """Change of the acceleration per change of the command near each sample, (T,) of each drive, where the
+    command has the range `span`."""
+    over = max(1, round(SMOOTH_S / dt))
+    both = [((each - each[:1]) * change, (each - each[:1]) ** 2) for each, change in zip(x, a, strict=True)]
+    product, square = (sum(float(part[i].sum()) for part in both) for i in (0, 1))
+    least = (LEAST * span) ** 2
+    mean = product / square if square > 0.0 else 0.0
+    return [
+        (uniform_filter1d(p.sum(axis=0), over) + least * mean)
+        / np.maximum(uniform_filter1d(s.sum(axis=0), over) + least, 1e-12)
+        for p, s in both
+    ]
+
+
+def _error(x: Sequence[Array], a: Sequence[Array], dt: float, lag_s: float, valid: Sequence[Mask]) -> float:
+    """Sum of squared errors by which the other runs predict each run, in `valid` samples."""
+    total = 0.0
+    for k in range(1, len(x[0])):
+        commands, changes = ([np.delete(each, k, axis=0) for each in z] for z in (x, a))
+        predicted = _OfOneCommand.through(commands, changes, dt, lag_s).to([u[k] for u in x])
+        total += sum(float(np.sum((p - c[k])[v] ** 2)) for p, c, v in zip(predicted, a, valid, strict=True))
+    return total
 
 
 def _of_one_command(
@@ -239,9 +250,9 @@ def _of_one_command(
             accelerations[k].append(run.y[0, :, ACCELERATION] - own[k])
         ran()
     x, a = [np.stack(u) for u in commands], [np.stack(each) for each in accelerations]
-    candidates = [_OfOneCommand(x, a, prepared[0].dt, lag_s) for lag_s in LAGS_S]
-    valid = [p.valid for p in prepared]
-    return min(candidates, key=lambda candidate: candidate.error(valid))
+    dt, valid = prepared[0].dt, [p.valid for p in prepared]
+    errors = {lag_s: _error(x, a, dt, lag_s, valid) for lag_s in LAGS_S}
+    return _OfOneCommand.through(x, a, dt, min(errors, key=lambda lag_s: errors[lag_s]))
 
 
 def _arrived(u: Array, dt: float, lag_s: float) -> Array:
@@ -256,10 +267,8 @@ def _arrived(u: Array, dt: float, lag_s: float) -> Array:
 
 
 def _interpolated(x: Array, a: Array, at: Array, slope: Array) -> Array:
-    """In each sample the function through the points x, a (run, T), at the value `at` (T,); beyond them it
-    goes on with `slope` (T,)."""
-    order = np.argsort(x, axis=0)
-    x, a = np.take_along_axis(x, order, axis=0), np.take_along_axis(a, order, axis=0)
+    """In each sample the function through the points x, a (run, T), of which x ascend, at the value `at`
+    (T,); beyond them it goes on with `slope` (T,)."""
     within = np.clip(at, x[0], x[-1])
     above = np.clip((x < within).sum(axis=0), 1, len(x) - 1)[None]
     x0, x1, a0, a1 = (np.take_along_axis(z, j, axis=0)[0] for z in (x, a) for j in (above - 1, above))

@@ -60,7 +60,7 @@ def test_a_force_without_a_name_is_corrected_by_forms_of_any_mechanism() -> None
     features = next(k.features for k in kernels(regression(evidence())) if k.name == UNKNOWN)
     force = features @ np.random.default_rng(1).standard_normal(features.shape[1])
     force *= 0.3 / force.std()
-    p = posterior(regression(evidence(force)), sweeps=40)
+    p = posterior(regression(evidence(force)), sweeps=80)
     assert p.probability(UNKNOWN) == 1.0 and not simplest_terms(p, p.search.e)
     terms = nameless_terms(p, set(), p.search.e)
     assert terms and all(t.general for t in terms)

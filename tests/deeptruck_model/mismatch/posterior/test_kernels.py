@@ -97,7 +97,7 @@ def test_rows_that_are_left_out_leave_the_kernels_as_they_are() -> None:
 
 def test_the_order_of_forms_does_not_matter() -> None:
     terms = candidate_terms(LIBRARY["engine_brake"], search().e)
-    made = (k._of_terms(search(), own) for own in (terms, terms[::-1]))
+    made = (k._of_terms(search(), own, k._factors(search())) for own in (terms, terms[::-1]))
     for one, other in zip(*made, strict=True):
         assert (one.part, one.chance) == (other.part, other.chance)
         np.testing.assert_array_equal(one.features, other.features)

@@ -80,7 +80,7 @@ def test_what_compensated_a_late_brake_is_undone_once_that_has_a_name() -> None:
     given = gather(TRUCK, drives.prepared, drives.held_out)
     weaker = _About(TRUCK, drives, given, 0, lambda step: None).at({"brake_gain": -0.1})
     p = posterior(Regression(weaker.to_fit()), sweeps=30)
-    assert p.probability("brake_lag") > 0.8
+    assert p.probability("brake_lag") > 0.9
     e = about_the_mean(TRUCK, drives, given, p, {})
     assert e.moved == {}
     late = e.rerun("lag_brake", 0.6)

@@ -23,12 +23,13 @@ RNG = np.random.default_rng(0)
 X = RNG.standard_normal((N, 12)) * 0.5
 BLOCKS = [np.arange(k, k + 3) for k in range(0, 12, 3)]
 NONE = np.zeros(0, dtype=np.intp)
+LAW = np.arange(4) != 3
 
 
 def problem(
     y: np.ndarray, columns: np.ndarray = X, signed: Sequence[np.ndarray | None] = (None,) * 4
 ) -> Blocks:
-    return Blocks(columns.T @ columns, columns.T @ y, BLOCKS, np.log(np.full(4, 0.05)), signed)
+    return Blocks(columns.T @ columns, columns.T @ y, BLOCKS, np.log(np.full(4, 0.05)), signed, LAW)
 
 
 def drawn(y: np.ndarray, columns: np.ndarray = X, **more: Sequence[np.ndarray | None]) -> Draws:
@@ -83,7 +84,7 @@ def test_the_gain_of_a_block_is_its_log_evidence() -> None:
 def test_columns_that_are_always_in_take_their_part_first() -> None:
     y = 2.0 * X[:, 0] + noise(5)
     blocks = problem(y)
-    free = Blocks(blocks.gram, blocks.pull, BLOCKS[1:], blocks.log_odds[1:], (None,) * 3)
+    free = Blocks(blocks.gram, blocks.pull, BLOCKS[1:], blocks.log_odds[1:], (None,) * 3, LAW[1:])
     found = sample(free, np.arange(3), 1.0, sweeps=40)
     assert found.coefficients[:, 0].mean() == pytest.approx(2.0, abs=0.3)
     assert found.inside.mean() < 0.2
