@@ -121,9 +121,9 @@ class Header:
     german: bool = False
 
 
-def header(name: str, below: str = "") -> Header:
-    """Words and unit of a column's name; `below` is its cell in a row of units."""
-    text, unit, stated = name, spelled(below, name), f"'{below.strip()}' in the row of units"
+def header(name: str, below: str = "", place: str = "in the row of units") -> Header:
+    """Words and unit of a column's name; `below` is a unit that the table states at another `place`."""
+    text, unit, stated = name, spelled(below, name), f"'{below.strip()}' {place}"
     for bracket in reversed(re.findall(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]", name)):
         if found := spelled(bracket, name):
             text = re.sub(rf"[(\[{{<]{re.escape(bracket)}[)\]}}>]", " ", text)

@@ -106,15 +106,11 @@ class Column:
     @cached_property
     def header(self) -> Header:
         """The words of its name and its unit: stated elsewhere, in its cells, a row of units, or its name."""
-        return header(self.name, self.below or self._unit_of_cells())
-
-    def _unit_of_cells(self) -> str:
-        if not self.is_text:
-            return ""
-        if self.unit:
-            return self.unit
-        above = [cell or "" for cell in self.cells[:MOST_ABOVE].to_pylist()]
-        return next((cell for cell in above if spelled(cell, self.name)), "")
+        if self.is_text and not self.below and self.unit:
+            return header(self.name, self.unit, "behind its numbers")
+        above = [cell or "" for cell in self.cells[:MOST_ABOVE].to_pylist()] if self.is_text else []
+        unit = next((cell for cell in above if spelled(cell, self.name)), "")
+        return header(self.name, self.below or unit)
 
     @cached_property
     def is_numbers(self) -> bool:

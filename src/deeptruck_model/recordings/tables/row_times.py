@@ -19,6 +19,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from deeptruck_core.arrays import Array, Mask
+from deeptruck_core.constants import APART_S, BACK_S, RETURN_S, TRUSTED
 from deeptruck_core.errors import InputError
 from deeptruck_core.reading import quoted
 from deeptruck_model.recordings.schemas import DATE_UNITS
@@ -29,8 +30,6 @@ from deeptruck_model.recordings.units import TIME_UNITS
 SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
 TICKS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of Arrow's types
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-BACK_S, RETURN_S, APART_S = 1.0, 5.0, 60.0  # as the clocks of CAN logs: see truck_bridge.can_logs.pieces
-TRUSTED = 20  # rows behind a jump that make it a new piece
 MOST_BACK = 0.05  # of the rows; where more go back, they are in no order
 LEAST_SERIES = 10  # columns that differ by a number
 SAID = 5  # remarks on one table's clock
