@@ -10,6 +10,7 @@ AIR_DENSITY = 1.2  # kg/m^3 at 20 degC and sea level
 DIESEL_J_PER_CM3 = 35.8e3  # lower heating value
 
 # the clock of a log, of rows or of frames
+DAY_S, HOUR_S = 86400.0, 3600.0
 BACK_S = (
     1.0  # rows and frames may overtake one another by this much, as in bags; further back a clock was set
 )

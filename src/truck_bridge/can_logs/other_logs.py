@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from deeptruck_core.account import Account
+from deeptruck_core.constants import DAY_S
 from truck_bridge.can_logs.frames import EXTENDED_MASK, Frame, Kind, of_raw
 from truck_bridge.can_logs.text_logs import lines_of
 from truck_bridge.can_logs.whole import COPY
@@ -18,7 +19,6 @@ _LINE = re.compile(
     r"(?P<h>\d+):(?P<m>\d+):(?P<s>\d+):(?P<fraction>\d{4})\s+(?:Rx|Tx)\s+(?P<channel>\d+)\s+(?P<id>\S+)\s+"
     r"(?P<kind>sr?|xr?)\s+(?P<length>\d+)\s*(?P<data>[0-9A-Fa-f\s]*)$"
 )
-_DAY_S = 86400.0
 _CAN, _COOKED, _COOKED_2 = 227, 113, 276  # link types of captures
 _PROTOCOLS = {0x000C: Kind.DATA, 0x000D: Kind.FD}  # of cooked captures
 _MAGIC = {b"\xd4\xc3\xb2\xa1": ("<", 1e-6), b"\xa1\xb2\xc3\xd4": (">", 1e-6),
@@ -42,7 +42,7 @@ def busmaster(path: Path, account: Account) -> Iterator[Frame]:
         if relative:
             time += stamp
         else:
-            day += _DAY_S if stamp + day < time - _DAY_S / 2 else 0.0  # it passes midnight
+            day += DAY_S if stamp + day < time - DAY_S / 2 else 0.0  # it passes midnight
             time = stamp + day
         length = int(found["length"])
         remote = found["kind"].endswith("r")

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from deeptruck_core.account import Account
-from deeptruck_core.constants import APART_S, BACK_S, RETURN_S, TRUSTED
+from deeptruck_core.constants import APART_S, BACK_S, DAY_S, RETURN_S, TRUSTED
 from truck_bridge.can_logs.frames import Frame
 from truck_bridge.errors import InputError
 
 HOLE_S = 1.0  # between frames; some message of every J1939 bus comes ten times a second
-PAUSE_S = 86400.0  # a longer jump ahead is no pause of the truck but a clock that was set
+PAUSE_S = DAY_S  # a longer jump ahead is no pause of the truck but a clock that was set
 SELDOM = 1 / 10  # of the frames; where fewer are earlier than the one before, a clock begins again
 BACK_AND_FORTH = 1 / 3  # of the frames; where more go back, and all lie within HOLE_S, times are differences
 

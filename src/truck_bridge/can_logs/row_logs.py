@@ -15,13 +15,13 @@ from can.util import dlc2len
 
 from deeptruck_core import frame_rows
 from deeptruck_core.account import Account
+from deeptruck_core.constants import DAY_S
 from deeptruck_core.frame_rows import FrameColumns, FrameTable
 from truck_bridge.can_logs.frames import EXTENDED_MASK, Frame, Kind, of_raw
 from truck_bridge.can_logs.text_logs import lines_of
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.ids import GLOBAL, Identifier
 
-_DAY_S = 86400.0
 _PACKED = re.compile(r"(\d\d)T(\d\d):?(\d\d):?(\d\d)\.?(\d*)")
 _OF_DAY = re.compile(r"(?:.*[T ])?(\d{1,2}):(\d{2}):(\d{2})(?:[.,:](\d+))?Z?")
 _SAMPLED = 200  # rows by which the form of numbers is found
@@ -57,8 +57,8 @@ def frames(path: Path, account: Account) -> Iterator[Frame]:
             frame = _of_row(row, form)
         except (ValueError, IndexError) as error:
             raise InputError(f"{path}, line {number}: not a row of CAN frames ({str(error)[:80]})") from None
-        if form.of_day and frame.time + day < before - _DAY_S / 2:
-            day += _DAY_S  # it passes midnight
+        if form.of_day and frame.time + day < before - DAY_S / 2:
+            day += DAY_S  # it passes midnight
         before = frame.time + day
         yield frame._replace(time=before) if day else frame
 
@@ -111,7 +111,7 @@ def _time(cell: str, tick: float) -> float:
     else:
         return float(cell.replace(",", ".")) * tick
     of_day = 3600.0 * int(hours) + 60.0 * int(minutes) + int(seconds) + float(f"0.{fraction or 0}")
-    return _DAY_S * int(day) + of_day
+    return DAY_S * int(day) + of_day
 
 
 def _of_row(cells: list[str], form: _Form) -> Frame:

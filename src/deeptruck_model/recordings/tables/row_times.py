@@ -19,7 +19,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from deeptruck_core.arrays import Array, Mask
-from deeptruck_core.constants import APART_S, BACK_S, RETURN_S, TRUSTED
+from deeptruck_core.constants import APART_S, BACK_S, DAY_S, HOUR_S, RETURN_S, TRUSTED
 from deeptruck_core.errors import InputError
 from deeptruck_core.reading import quoted
 from deeptruck_model.recordings.schemas import DATE_UNITS
@@ -28,12 +28,10 @@ from deeptruck_model.recordings.tables.table import Table, settled
 from deeptruck_model.recordings.units import TIME_UNITS
 
 SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
-TICKS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of Arrow's types
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MOST_BACK = 0.05  # of the rows; where more go back, they are in no order
 LEAST_SERIES = 10  # columns that differ by a number
 SAID = 5  # remarks on one table's clock
-DAY_S, HOUR_S = 86400.0, 3600.0
 OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d+))?)?")
 OF_DATE = re.compile(
     r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})(?:[T _-]+(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d+))?)?)?"
@@ -177,7 +175,7 @@ def _seconds(table: Table, clock: Clock) -> Array:
     kind = column.raw.type
     if len(clock.columns) == 1 and column.is_temporal and not pa.types.is_date(kind):
         ticks = column.raw.cast(pa.int32()) if pa.types.is_time32(kind) else column.raw
-        seconds = _since_first(ticks.cast(pa.int64()), TICKS_S[kind.unit])
+        seconds = _since_first(ticks.cast(pa.int64()), TIME_UNITS[kind.unit])
         return _over_midnight(table, seconds, DAY_S) if pa.types.is_time(kind) else seconds
     cells = _joined(table, clock)
     if pc.all(pc.is_null(cells)).as_py():
@@ -196,11 +194,11 @@ def _seconds(table: Table, clock: Clock) -> Array:
         dashed = pc.replace_substring_regex(cells, r"^(\d{4})/(\d\d)/(\d\d)", r"\1-\2-\3")
         for stamp in (pa.timestamp("ns"), pa.timestamp("ns", tz="UTC")):
             with suppress(pa.ArrowInvalid):  # zones that differ, single digits, or a cell that is no date
-                return _since_first(dashed.cast(stamp).cast(pa.int64()), TICKS_S["ns"])
+                return _since_first(dashed.cast(stamp).cast(pa.int64()), TIME_UNITS["ns"])
     found = [None if cell is None else parse(cell) for cell in cells.to_pylist()]
     if all(one is None for one in found):
         raise _none(table, clock, cells, pc.is_valid(cells).to_numpy())
-    seconds = _since_first(pa.chunked_array([found], pa.int64()), TICKS_S["us"])
+    seconds = _since_first(pa.chunked_array([found], pa.int64()), TIME_UNITS["us"])
     return _over_midnight(table, seconds, over) if over else seconds
 
 
