@@ -84,12 +84,14 @@ def _driven(simulator: str, changed: Path | None) -> list[Row]:
     from deeptruck_model.simulators import protocol_check
 
     truck = simulators.load(simulator) if changed is None else saved.as_it_is(changed)
-    table = protocol_check.examine(truck)
-    if protocol_check.missing(table):
-        return table
-    from deeptruck_model.mismatch.residual import identifiable
+    with progress("checking the simulator") as say:
+        table = protocol_check.examine(truck, say)
+        if protocol_check.missing(table):
+            return table
+        say("checking what a comparison can identify")
+        from deeptruck_model.mismatch.residual import identifiable
 
-    return [*table, *identifiable.rows(truck)]
+        return [*table, *identifiable.rows(truck)]
 
 
 def _tell(table: list[Row]) -> None:

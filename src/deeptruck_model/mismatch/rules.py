@@ -119,6 +119,8 @@ class Limits:
     # free runs
     horizons_s: tuple[float, ...] = _rule((40.0, 20.0, 10.0), "s", CHOSEN,
         "lengths of free runs, the longest first: what helps for 20 s may harm after 40")
+    high_speed: float = _rule(25.0, "m/s", TRUCKS,
+        "of free runs that show what a parameter adds up to on a motorway")
     least_runs: int = _rule(4, "runs", CHOSEN, "needed to choose a length of free runs")
     least_compared: float = _rule(0.9, "1", CHOSEN,
         "of the samples of a free run, above which its error counts")

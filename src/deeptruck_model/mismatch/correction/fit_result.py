@@ -18,6 +18,8 @@ from deeptruck_model.mismatch.rules import Limits
 
 SMOOTH_S = 1.0
 
+Interval = tuple[float, float]
+
 
 def visible(e: Evidence) -> Mask:
     """Rows (n,) that are compared and in which the truck moves."""
@@ -38,24 +40,28 @@ def acts(force: Array, seen: Mask, dt: float) -> Mask:
 
 @dataclass(frozen=True)
 class Strength:
-    """The mean of a force in `unit` where it is largest, or its rms if its sign alternates."""
+    """The mean of a force in `unit` where it is largest, or its rms if its sign alternates, with its 95 %
+    interval if it was drawn."""
 
     value: float = field(metadata=stored(figures=4))
     unit: str
     one_way: bool
     share_of_time: float = field(metadata=stored(digits=3))
+    ci95: Interval | None = field(default=None, metadata=stored(figures=4, sparse=True))
 
 
-def strength(e: Evidence, force: Array) -> Strength:
-    """The strength of a force (n,), m/s^2, where it is largest."""
+def strength(e: Evidence, force: Array, drawn: Array | None = None) -> Strength:
+    """The strength of a force (n,), m/s^2, where it is largest; `drawn` are draws (m,) of its size, in which
+    the mean is 1."""
     on = acts(force, visible(e), e.dt)
     part = e.newtons(force)[on] / e.mass * e.unit.scale if on.any() else np.zeros(1)
     one_way = bool(abs(part.mean()) > 0.5 * np.abs(part).mean())
     value = float(part.mean() if one_way else np.sqrt(np.mean(part**2)))
-    return Strength(value, e.unit.name, one_way, float(on.sum() / max(e.valid.sum(), 1)))
-
-
-Interval = tuple[float, float]
+    ends = None
+    if drawn is not None:
+        low, high = np.sort(value * np.quantile(drawn, [0.025, 0.975]))
+        ends = (float(low), float(high))
+    return Strength(value, e.unit.name, one_way, float(on.sum() / max(e.valid.sum(), 1)), ends)
 
 
 @dataclass(frozen=True)
@@ -148,6 +154,8 @@ class FitResult:
     corrected_forces: Mapping[str, Strength] = field(
         default_factory=dict, metadata=stored(key="added", sparse=True)
     )
+    # mechanisms whose forms stand for what is added without an accepted name
+    forms: tuple[str, ...] = field(default=(), metadata=stored(key="added_forms", sparse=True))
     # whether sizes are those of least speed error, not the most probable ones
     output_error: bool = field(default=False, metadata=SPARSE)
     # the simulator has no parameters: what refits them scales its forces instead
@@ -156,6 +164,8 @@ class FitResult:
     without_exogenous: WithoutExogenous | None = field(default=None, metadata=SPARSE)
     errors: FreeRunErrors | None = field(default=None, metadata=stored(flat=True))
     improvement: Improvement | None = field(default=None, metadata=stored(flat=True))
+    # speed, m/s, that a relative change of 1 of a parameter adds in 40 s at `Limits.high_speed`
+    at_high_speed: Mapping[str, float] = field(default_factory=dict, metadata=stored(figures=3, sparse=True))
     refit: Mapping[str, Refitted] = field(
         default_factory=dict, metadata=SPARSE
     )  # all parameters, refitted alone

@@ -23,7 +23,7 @@ from deeptruck_model.mismatch.correction.forms import (
 )
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.families import PARAMETER_ERRORS, UNKNOWN
-from deeptruck_model.mismatch.posterior.names import Compared
+from deeptruck_model.mismatch.posterior.names import Compared, Named
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, PINNED, Model, Regression
 from deeptruck_model.mismatch.posterior.relinearise import about_the_mean
@@ -82,7 +82,8 @@ class Correction:
 
     `left_out` are first-order speed errors (drives,), rms in m/s, of fitted drives that were left out in
     turn, by simulator as in `FreeRunErrors`; empty if they are too few. Those of the corrected
-    simulator are of the recipe that the other drives select.
+    simulator are of the recipe that the other drives select. `needless` are found names without which drives
+    left out are predicted as well.
     """
 
     corrected: CorrectedTruck
@@ -94,6 +95,7 @@ class Correction:
     terms: tuple[CandidateTerm, ...] = ()
     left_out: Mapping[str, Array] = field(default_factory=dict)
     caveats: tuple[str, ...] = ()
+    needless: frozenset[str] = frozenset()
 
 
 def correct(simulator: Simulator, c: Compared) -> Correction:
@@ -104,6 +106,9 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
     e = about_the_mean(simulator, c.drives, c.given, p, likely)
     named = named_forces(p, c.names.found, e)
     tuning, folds = Recipe((), frozenset(p.search.parameters)), _folds(e)
+    needless = _needless(folds, Recipe(_terms(named), frozenset(likely)), c.names.found)
+    named = {name: x for name, x in named.items() if name not in needless}
+    likely = {name: x for name, x in likely.items() if name not in needless}
     options, errors = [Recipe()], [_left_out(folds, Recipe())]
     for whole in _wholes(p, named, frozenset(likely), e):
         for recipe, own in _pruned(folds, whole, p.probability, rules):
@@ -130,7 +135,20 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
         if len(folds) > 1
         else {},
         tuple(_contradicted_mass(c, best)),
+        needless,
     )
+
+
+def _needless(folds: Sequence[_Fold], recipe: Recipe, found: Sequence[Named]) -> frozenset[str]:
+    """Names of a recipe without which drives left out are predicted as well, beside the names that are more
+    probable."""
+    errors, out = _left_out(folds, recipe), set()
+    for name in (f.name for f in reversed(found) if f.name in recipe.names):
+        less = recipe.without(name)
+        if less.names and _rms(without := _left_out(folds, less)) <= _rms(errors):
+            recipe, errors = less, without
+            out.add(name)
+    return frozenset(out)
 
 
 def _stated_changes(c: Compared) -> dict[str, float]:
@@ -143,15 +161,19 @@ def _stated_changes(c: Compared) -> dict[str, float]:
     }
 
 
+def _terms(named: Mapping[str, NamedForce]) -> tuple[CandidateTerm, ...]:
+    return tuple(one.term for one in named.values())
+
+
 def _wholes(
     p: Posterior, named: Mapping[str, NamedForce], likely: frozenset[str], e: Evidence
 ) -> Iterator[Recipe]:
     """Recipes from which parts are omitted: what was found, alone, with what has no name, and with all
-    parameters."""
-    known = tuple(one.term for one in named.values())
+    parameters; and these alone."""
+    known = _terms(named)
     rest = tuple(nameless_terms(p, {*named, *likely}, e))
     everything = frozenset(p.search.parameters)
-    wholes = [(known, likely), ((*known, *rest), likely)]
+    wholes = [(known, likely), ((*known, *rest), likely), ((), everything)]
     if known or rest:
         wholes.append(((*known, *rest), everything))
     for terms, free in wholes[1:] if not rest else wholes:

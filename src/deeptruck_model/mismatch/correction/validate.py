@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from deeptruck_core.arrays import Array
+from deeptruck_core.signals import SPEED
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.correction.fit_result import Errors, FitResult, WithoutExogenous, strength
 from deeptruck_model.mismatch.correction.free_runs import (
@@ -25,8 +26,12 @@ from deeptruck_model.mismatch.posterior.reference_error import reference_drives
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives
 from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.gather import REFIT_PARAMETERS, accepted
 from deeptruck_model.mismatch.rules import Limits, Rules
-from deeptruck_model.simulators import Simulator
+from deeptruck_model.simulators import Simulator, run
+
+PEDALS = 21  # engine commands, of which one about holds a speed
+RAISED = 0.1  # relative change of a parameter, by which its effect at high speed is measured
 
 
 @dataclass(frozen=True)
@@ -60,10 +65,12 @@ def validate(simulator: Simulator, correction: Correction, drives: PreparedDrive
         corrected_parameters={p: round(change, 4) for p, change in after.moved.items()},
         corrected_intervals={p: x.change_ci95 for p, x in correction.changed.items() if p in after.moved},
         corrected_forces={name: strength(e, x.force) for name, x in correction.forces.items()},
+        forms=tuple(t.effect for t in after.terms if t.effect not in correction.forces),
         refit=correction.refit,
         output_error=correction.output_error,
         without_exogenous=without,
         scales_forces=not simulator.parameters(),
+        at_high_speed=at_high_speed(simulator, drives),
     )
     reference = (
         error_on_reference(simulator, held_out[0].measured_acceleration, horizon_s) if held_out else None
@@ -72,6 +79,29 @@ def validate(simulator: Simulator, correction: Correction, drives: PreparedDrive
     return Validated(
         errors | {"fitted": along_fitted}, fit, reference, _those_better(errors, correction, e.rules)
     )
+
+
+def at_high_speed(simulator: Simulator, drives: PreparedDrives) -> dict[str, float]:
+    """The speed (m/s) that each parameter adds per relative change in a free run of the longest horizon, from
+    `high_speed` on a level road under the constant engine command that about holds it."""
+    own, i = simulator.parameters(), simulator.interface
+    named = {name: own[name] for name in REFIT_PARAMETERS if own.get(name) and name != "brake_gain"}
+    if not named:
+        return {}
+    steps = round(Limits.horizons_s[0] / simulator.dt)
+    u, w = np.zeros((PEDALS, steps, len(i.u))), np.zeros((PEDALS, steps, len(i.w)))
+    most = max(float(np.nanmax(p.u[:, 0])) for p in drives.prepared)
+    u[:, :, 0] = np.linspace(0.0, most, PEDALS)[:, None]
+    y0 = np.zeros((PEDALS, len(i.y)))
+    y0[:, SPEED] = Limits.high_speed
+    ends = run(simulator, u, w, y0, None).y[:, -1, SPEED]
+    held = int(np.argmin(np.abs(ends - Limits.high_speed)))
+    one, out = slice(held, held + 1), {}
+    for name, change in accepted(simulator, dict.fromkeys(named, RAISED)).items():
+        truck = simulator.with_parameters({name: named[name] * (1.0 + change)})
+        end = run(truck, u[one], w[one], y0[one], None).y[0, -1, SPEED]
+        out[name] = float(end - ends[held]) / change
+    return out
 
 
 def _those_better(errors: Mapping[str, Errors], correction: Correction, rules: Rules) -> frozenset[str]:

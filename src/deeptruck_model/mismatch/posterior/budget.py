@@ -64,6 +64,10 @@ class Budget:
         """The share of a part; zero if it is not in the budget."""
         return next((p.share for p in self.parts if p.part == part), 0.0)
 
+    def ends(self, part: str) -> tuple[float, float] | None:
+        """The 90 % interval of the share of a part; None if it is not in the budget."""
+        return next(((p.low, p.high) for p in self.parts if p.part == part), None)
+
     def force(self, part: str, like: Array) -> Array:
         """The force of a part (n,); zero if it is not in the budget."""
         return next((p.force for p in self.parts if p.part == part), np.zeros_like(like))

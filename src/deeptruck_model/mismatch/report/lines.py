@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from deeptruck_core.signals import Said, Speed, printed
 from deeptruck_core.vehicle_kinds import LEAST_SPEED
-from deeptruck_model.mismatch.correction.fit_result import Strength
+from deeptruck_model.mismatch.correction.fit_result import Interval, Strength
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.mechanisms.families import FAMILY, LEFT_OVER, PARAMETER_ERRORS, UNKNOWN
 from deeptruck_model.mismatch.posterior.budget import Part
@@ -40,7 +40,6 @@ HEADLINES = {
     Conclusion.UNDETERMINED: "Undetermined: no cause is established",
 }
 GOOD_ENOUGH = "the simulator is good enough"
-NAMELESS = "forces without a name"  # in a correction
 LARGE = 0.05  # of the budget: a smaller part is not in the sentence
 WIDE = 0.3  # of the budget: an interval from which its middle says nothing
 WORTH_SAYING = 0.01  # of the recorded samples or of a parameter: what is less is among the details alone
@@ -63,6 +62,8 @@ class Light(NamedTuple):
 def headline(v: Verdict) -> str:
     """What is missing, in which drives, its share of the error, and the next step; no name where the
     simulator is good enough."""
+    if together := _together(v):
+        return f"{opened(together)} are wrong together: {_next_step(v)}"
     if not v.findings:
         count = len(v.events)
         besides = f", but for {count} event{'s' * (count > 1)} of seconds" if count else ""
@@ -70,12 +71,32 @@ def headline(v: Verdict) -> str:
         return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED]) + besides + step
     f = v.findings[0]
     if v.kind is Conclusion.NOTHING:
-        return HEADLINES[v.kind] + _better_still(v)
+        may = "may be wrong" if f.kind is Kind.PARAMETER else "may be missing"
+        what = f"{spoken(f.effect)} {may} ({percent(f.probability)})"
+        return f"{opened(GOOD_ENOUGH)} for such drives, although {what}{_better_still(v)}"
     if _good_enough(v):
         own = next((one for one in v.findings if one.effect == UNKNOWN and one.in_drives), None)
         what = Said(_in_drives(v, own or f), f"; otherwise {GOOD_ENOUGH}")
         return Said(opened(what), _better_still(v))
     return Said(opened(Said(_larger(v), _in_drives(v, f))), f": {_next_step(v)}")
+
+
+def _together(v: Verdict) -> str:
+    """The parameters, two or more, that are all an offered correction changes; empty if it adds a force, or a
+    mechanism is the main finding."""
+    if (
+        v.fit is None
+        or v.offered != CORRECTION
+        or v.kind not in (Conclusion.PARAMETER, Conclusion.UNDETERMINED)
+    ):
+        return ""
+    changed = [
+        f"{spoken(n)} ({100.0 * x:+.0f} %)"
+        for n, x in v.fit.corrected_parameters.items()
+        if abs(x) >= WORTH_SAYING
+    ]
+    forces = any(x.value for x in v.fit.corrected_forces.values())
+    return "" if forces or len(changed) < 2 else f"{', '.join(changed[:-1])} and {changed[-1]}"
 
 
 def _better_still(v: Verdict) -> str:
@@ -92,21 +113,25 @@ def _good_enough(v: Verdict) -> bool:
     return sound and good is not None and good.answer is Answer.YES
 
 
-def share_of(p: Part) -> str:
-    """The share of a part of the budget, with its interval where that is too wide for one number."""
-    if p.high - p.low > WIDE:
-        return f"{percent(p.share)} ({100.0 * p.low:.0f} to {100.0 * p.high:.0f})"
-    return percent(p.share)
+def share_of(share: float, ends: Interval | None) -> str:
+    """A share of the squared error, with its interval where that is too wide for one number."""
+    if ends is not None and ends[1] - ends[0] > WIDE:
+        return f"{percent(share)} ({100.0 * ends[0]:.0f} to {100.0 * ends[1]:.0f})"
+    return percent(share)
+
+
+def _part(p: Part) -> str:
+    """A part of the budget with its share."""
+    return f"{spoken(p.part)} {share_of(p.share, (p.low, p.high))}"
 
 
 def _in_drives(v: Verdict, f: Finding) -> str:
     """A finding with the drives in which it acts and its share of the error."""
     drives = ", ".join(_drive(f, name) for name in f.in_drives)
     what = f"in {drives} alone of the fitted drives, {_what(f)}" if drives else _what(f) + _by_drive(f)
-    parts = v.budget.parts if v.budget is not None else ()
-    part = next((p for p in parts if p.share == f.share_of_error), None)
-    of_all = percent(f.share_of_error or 0.0) if part is None else share_of(part)
-    share = f", {of_all} of the squared error" if f.share_of_error is not None else ""
+    share = ""
+    if f.share_of_error is not None:
+        share = f", {share_of(f.share_of_error, f.share_ci90)} of the squared error"
     where = Said(", mostly where ", f.in_condition) if f.in_condition else ""
     return Said(what, where, share)
 
@@ -119,12 +144,12 @@ def _larger(v: Verdict) -> str:
     other = max((p for p in parts if p.part not in stated), key=lambda p: p.low, default=None)
     if other is None or f.kind is Kind.SENSOR or other.low <= max(f.share_of_error or 0.0, LARGE):
         return ""
-    return f"the largest part is {spoken(other.part)}, {share_of(other)}, of which no name is certain; "
+    return f"the largest part is {_part(other)}, of which no name is certain; "
 
 
 def _drive(f: Finding, name: str) -> str:
     """A drive in which a finding acts, with its constant force if known."""
-    size = f.parameters.get(f"force[{name}]")
+    size = f.by_drive.get(name)
     return f"{name} ({size.value:+.3g} {size.unit})" if size is not None else name
 
 
@@ -248,7 +273,7 @@ def what(v: Verdict) -> Iterator[str]:
         )  # fmt: skip
     b = v.budget
     if b is not None and b.parts:
-        large = [f"{spoken(p.part)} {share_of(p)}" for p in b.parts if p.share >= LARGE]
+        large = [_part(p) for p in b.parts if p.share >= LARGE]
         yield Said(
             "Along the fitted drives the simulator is off by ", Speed(b.speed_rmse),
             f" after up to {b.horizon_s:.0f} s. Shares of the squared error: {', '.join(large)}."
@@ -298,7 +323,8 @@ def contains(v: Verdict, *, refit: bool = False) -> Iterator[str]:
         changed = [(n, x) for n, x in v.fit.corrected_parameters.items() if abs(x) >= WORTH_SAYING]
         added = [(n, x) for n, x in v.fit.corrected_forces.items() if x.value]
         parts = [_changed(n, x, v.fit.corrected_intervals.get(n)) for n, x in changed]
-        parts += [f"{NAMELESS if n == UNKNOWN else spoken(n)} {acting(x)}" for n, x in added]
+        forms = f"forces without an accepted name, of the form of {', '.join(map(spoken, v.fit.forms))}"
+        parts += [f"{forms if n == UNKNOWN else spoken(n)} {acting(x)}" for n, x in added]
         fitted = "for the least speed error" if v.fit.output_error else "to these drives"
         yield f"The correction contains, fitted {fitted}: {'; '.join(parts)}."
         named = _named(v)
@@ -340,9 +366,10 @@ def _named(v: Verdict) -> str:
 
 
 def acting(x: Strength) -> str:
-    """The strength of a force."""
+    """The strength of a force, with its interval."""
     mean, time = "mean" if x.one_way else "rms", percent(x.share_of_time)
-    return f"{mean} {digits(x.value)} {x.unit} while it acts, {time} of the time"
+    size = interval(Size(x.value, x.unit, x.ci95), 1.0, x.unit)
+    return f"{mean} {size} while it acts, {time} of the time"
 
 
 def how_probable(v: Verdict) -> Iterator[str]:
@@ -425,8 +452,9 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         yield f"{opened(SETTLE)} and compare again; apply nothing before."
     elif v.validated:
         refit = v.fit is not None and v.fit.offered == REFIT
-        if any(f.kind is Kind.SENSOR for f in v.findings):
-            yield f"Then apply {'the refitted parameters alone' if refit else 'the correction'}."
+        offer = "the refitted parameters alone" if refit else "the correction"
+        sensor = any(f.kind is Kind.SENSOR for f in v.findings)
+        yield f"{'Then apply' if sensor else 'Apply'} {offer}: the command writes a simulator of its own."
     elif v.kind is Conclusion.NOTHING and not any(f.kind is Kind.PARAMETER for f in v.findings):
         yield "Use the simulator as it is."
     manoeuvres = dict.fromkeys(
@@ -444,10 +472,17 @@ def _check(v: Verdict, f: Finding) -> str:
     name = PARAMETER_ERRORS[f.effect].says
     if v.kind is not Conclusion.NOTHING:
         return f"Check the simulator's {name}: {f.says}."
-    may = interval(f.parameters["relative_error"], 100.0, "%", sign=True)
+    error = f.parameters["relative_error"]
+    may = interval(error, 100.0, "%", sign=True)
+    use = f"Use the simulator as it is for such drives. Its {name} may be off by "
+    each = v.fit.at_high_speed.get(f.effect) if v.fit is not None else None
+    if each is None:
+        return Said(use, may, ": check it where it matters more.")
+    ends = None if error.ci95 is None else tuple(sorted(each * x for x in error.ci95))
+    change = interval(Size(each * error.value, SPEED_UNIT, ends), 1.0, SPEED_UNIT, sign=True)
     return Said(
-        f"Use the simulator as it is for such drives. Where its {name} matters more, check it first: "
-        "it may be off by ", may, ".",
+        use, may, "; on a level road at ", Speed(Limits.high_speed), " that adds up to ", change,
+        f" after {Limits.horizons_s[0]:g} s: check it before such drives.",
     )  # fmt: skip
 
 

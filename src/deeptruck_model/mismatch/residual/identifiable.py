@@ -146,12 +146,12 @@ def _time(s: Simulator) -> Row:
 
 
 def _seconds(run: Callable[[], object]) -> float:
-    """Seconds that a call takes; the first may compile."""
+    """Seconds of CPU time that a call takes; the first may compile."""
     each = []
     for _ in range(2):
-        begun = time.perf_counter()
+        begun = time.process_time()
         run()
-        each.append(time.perf_counter() - begun)
+        each.append(time.process_time() - begun)
     return min(each)
 
 

@@ -149,7 +149,7 @@ def _simulator(n: Numbers, kind: Conclusion, rules: Rules) -> Advice:
     least = tolerance(n.reference_error, rules)
     if n.error > least:
         return Advice(Answer.NO, wording.too_far(n.given, n.added_up, n.horizon_s, least, n.reference_error))
-    if kind is Conclusion.NOTHING:
+    if kind is Conclusion.NOTHING and not n.kinds:
         return Advice(Answer.YES, wording.good(n.given, n.horizon_s))
     if kind is Conclusion.SENSOR:
         return Advice(Answer.YES, wording.without_faults(n.given, n.horizon_s))
@@ -221,7 +221,7 @@ def conclude(c: Compared, correction: Correction, driven: Validated, stated: Sta
         kind,
         found,
         c.names.explanations,
-        c.events,
+        tuple(x for x in c.events if abs(x.speed_change) >= rules.drift),
         stated.segments,
         stated.regimes,
         replace(driven.judged, offered=best, validated=best != AS_GIVEN),

@@ -53,7 +53,8 @@ def findings(
     road_names = {f.effect for f in of_road}  # whole, where the residual of a learned truck has a rest of it
     for named in c.names.found:
         f = _of_named(c, e, correction, named, rules) if named.name not in road_names else None
-        if f is not None and named.accepted and _longer_than_sensors(f, e):
+        needed = correction is None or named.name not in correction.needless
+        if f is not None and named.accepted and needed and _longer_than_sensors(f, e):
             each = tuple(_alternatives(c, correction, f, named))
             out.append(replace(f, missing_input=behind.get(f.effect, ""), alternatives=each))
     of_slope = not e.has("grade") and any(f.effect == LIBRARY.of_input("grade").effect for f in out)
@@ -142,7 +143,8 @@ def _of_drift(c: Compared, rules: Rules, *, good_enough: bool) -> list[Finding]:
             force, sizes = c.posterior.force(part), dict[str, Size]()
             if part == EACH_DRIVE:
                 force, sizes = _constants(c)
-            out.append(replace(_nameless(c, part, p, share, force), parameters=sizes))
+            f = _nameless(c, part, p, share, force)
+            out.append(replace(f, parameters=sizes, share_ci90=c.budget.ends(part)))
     return out
 
 
@@ -185,7 +187,7 @@ def _constants(c: Compared) -> tuple[Array, dict[str, Size]]:
     for s, own in zip(fitted, drawn.T, strict=True):
         force[s.rows] = own.mean()
         value, *ends = (float(e.unit.scale * x) for x in (own.mean(), *np.quantile(own, [0.025, 0.975])))
-        sizes[f"force[{s.name}]"] = Size(value, e.unit.name, (ends[0], ends[1]))
+        sizes[f"force[{s.name}]"] = Size(value, e.unit.name, (ends[0], ends[1]), s.name)
     return force, sizes
 
 
@@ -242,10 +244,18 @@ def _finding(c: Compared, named: Named, kind: Kind, says: str, force: Array) -> 
         round(tree.families[family], 3),
         (first, *others),
         evidence_nats=round(named.nats, 1),
-        strength=strength(e, force),
+        strength=strength(e, force, _drawn(c, named)),
         force=force,
         in_drives=_drives(e, force),
     )
+
+
+def _drawn(c: Compared, named: Named) -> Array | None:
+    """The size of a force in each draw in which it acts (m,), relative to their mean; None if it has none."""
+    if not named.given.any() or not np.any(named.force[c.posterior.search.rows]):
+        return None
+    sizes = c.posterior.on_columns(named.name, named.force[:, None], named.given)[:, 0]
+    return np.asarray(sizes / sizes.mean())
 
 
 def _drives(e: Evidence, force: Array) -> tuple[str, ...]:
@@ -277,10 +287,9 @@ def _with_shares(e: Evidence, found: Sequence[Finding], budget: Budget) -> list[
     squares = [_adds_up(e, f.force, budget.horizon_s) if f.force is not None else 0.0 for f in found]
     total, out = sum(squares) or 1.0, []
     for f, x in zip(found, squares, strict=True):
-        share = f.share_of_error  # of a drift; none without a budget, or for a fault between sensors
-        if share is None and budget.parts and f.force is not None:
-            share = budget.share(f.family)
-        out.append(replace(f, share_of_explainable_error=round(x / total, 3), share_of_error=share))
+        if f.share_of_error is None and budget.parts and f.force is not None:  # none between sensors
+            f = replace(f, share_of_error=budget.share(f.family), share_ci90=budget.ends(f.family))
+        out.append(replace(f, share_of_explainable_error=round(x / total, 3)))
     return out
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -106,16 +106,17 @@ class Advice:
 
 @dataclass(frozen=True)
 class Size:
-    """A size in `unit` with its 95 % interval, if it was fitted."""
+    """A size in `unit` with its 95 % interval, if it was fitted; of one `drive` if that is named."""
 
     value: float
     unit: str
     ci95: Interval | None = None
+    drive: str = field(default="", metadata=SPARSE)
 
     def times(self, factor: float) -> Size:
         """The size and its interval times a positive factor."""
         ends = None if self.ci95 is None else (factor * self.ci95[0], factor * self.ci95[1])
-        return Size(factor * self.value, self.unit, ends)
+        return replace(self, value=factor * self.value, ci95=ends)
 
 
 @dataclass(frozen=True)
@@ -158,12 +159,16 @@ class Finding:
     in_condition: str = field(default="", metadata=SPARSE)  # in which it acts, where not always
     # of the squared speed error, that the budget gives its family
     share_of_error: float | None = field(default=None, metadata=stored(digits=4, sparse=True))
+    # its 90 % interval, where it is the share of one part
+    share_ci90: Interval | None = field(
+        default=None, metadata=stored(key="share_of_error_ci90", digits=4, sparse=True)
+    )
     force: Array | None = field(default=None, compare=False, metadata=HIDDEN)
 
     @property
     def by_drive(self) -> dict[str, Size]:
         """Its size in each drive, where it has one, by the drive's name."""
-        return {name.partition("[")[2][:-1]: x for name, x in self.parameters.items() if is_by_drive(name)}
+        return {x.drive: x for x in self.parameters.values() if x.drive}
 
     @property
     def rivals(self) -> tuple[str, ...]:
@@ -174,11 +179,6 @@ class Finding:
     def may_differ(self) -> bool:
         """Whether it may differ from drive to drive, so that a correction of all drives does not hold it."""
         return "recording" in self.depends_on or bool(self.in_drives)
-
-
-def is_by_drive(size: str) -> bool:
-    """Whether a size is that of one drive, `force[monday]`."""
-    return size.endswith("]")
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.stats import truncnorm
 
@@ -13,7 +15,7 @@ from deeptruck_model.mismatch.posterior.regression import changed_by
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.residual.expression import Rerun
 from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.verdict.result import Size, is_by_drive
+from deeptruck_model.mismatch.verdict.result import Size
 
 PER_MASS = ("N", "N m", "W")  # units of constants that are specific
 MAIN_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
@@ -62,15 +64,15 @@ def sizes_of(term: CandidateTerm, p: Posterior, given: Mask) -> dict[str, Size]:
     gain = e.signals.get("effective_mass_gain")
     turning = 1.0 if gain is None else float(np.median(gain[e.valid]))
     main = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:MAIN_PARAMETERS]
-    of_drive = all(isinstance(v.course, EachDrive) for v in term.variants)
-    out = {
-        of: bounded(columns[of], value, sd, unit, e, turning, of_drive=of_drive)
-        for of, (value, sd, unit) in sizes.items()
-        if of in main
-    }
-    return {
-        of: x for of, x in out.items() if is_by_drive(of) or x.ci95 is None or x.ci95[0] * x.ci95[1] > 0.0
-    }
+    drives = [n for v in term.variants if isinstance(v.course, EachDrive) for n in v.course.names]
+    out = {}
+    for of in (n for n in sizes if n in main):
+        value, sd, unit = sizes[of]
+        drive = next((n for n in drives if of.endswith(f"[{n}]")), "")
+        x = bounded(columns[of], value, sd, unit, e, turning, of_drive=bool(drive))
+        if drive or x.ci95 is None or x.ci95[0] * x.ci95[1] > 0.0:
+            out[of] = replace(x, drive=drive)
+    return out
 
 
 def bounded(

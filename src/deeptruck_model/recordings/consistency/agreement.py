@@ -50,6 +50,7 @@ SLOPES = {  # what gravity has to a slope that is read so
 OTHER_SLOPE = "is it of this road, on this clock and in its unit?"
 NEAR_SLOPE = 0.15  # relative: wheels and engine turn with the truck
 WEIGHTED = 0.25  # by which gravity may seem to differ, as engine and tyres are not known; and standard errors
+TOWN_M_S, TURNING = 10.0, 0.5  # below this median speed low gears are driven, whose turning engine halves it
 DRIVEN_SD, BLOCKS = 4.0, 10  # parts that are left out in turn
 LEAST_DRIVEN = 10 * BLOCKS  # windows without brakes: a part holds more than the regression has terms
 
@@ -288,7 +289,8 @@ def _grade_by_motion(recordings: Sequence[Recording]) -> Iterator[Doubt]:
     blocks = np.arange(len(w)) * BLOCKS // len(w)  # windows that follow one another are not independent
     each = [-_solved(X, rise, w * (blocks != k))[0] / scale for k in range(BLOCKS)]
     factor, sd = float(-_solved(X, rise, w)[0] / scale), float(np.sqrt(BLOCKS - 1.0) * np.std(each))
-    if abs(factor - 1.0) > WEIGHTED + DRIVEN_SD * sd:
+    less = TURNING if np.median(speed) < TOWN_M_S else WEIGHTED
+    if not -less - DRIVEN_SD * sd <= factor - 1.0 <= WEIGHTED + DRIVEN_SD * sd:
         why = min(SLOPES, key=lambda known: abs(factor / known - 1.0))
         near = abs(factor / why - 1.0) < NEAR_SLOPE + DRIVEN_SD * sd / abs(why)
         says = SLOPES[why] if near else OTHER_SLOPE

@@ -21,6 +21,7 @@ from deeptruck_model.mismatch.correction.model import (
     _best,
     _folds,
     _left_out,
+    _needless,
     _nested,
     _pruned,
     _rms,
@@ -28,7 +29,7 @@ from deeptruck_model.mismatch.correction.model import (
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
 from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Where
 from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, kernels
-from deeptruck_model.mismatch.posterior.names import names
+from deeptruck_model.mismatch.posterior.names import Named, Tree, names
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.expression import rows_of
@@ -124,6 +125,9 @@ def test_a_part_that_other_drives_do_not_need_is_left_out() -> None:
     *_, (least, errors) = _pruned(folds, whole, {"brake_gain": 0.2, "torque_gain": 0.9}.__getitem__, Rules())
     assert least.free == {"torque_gain"}
     assert _rms(errors) <= _rms(_left_out(folds, whole)) / Rules().better
+    found = [Named(n, Tree({n: 0.7}), 9.0, np.zeros(N)) for n in ("brake_gain", "torque_gain")]
+    assert _needless(folds, whole, found) == {"brake_gain"}
+    assert _needless(folds, Recipe((), frozenset(["brake_gain"])), found) == set()  # a first name stays
 
 
 def test_every_fitted_drive_is_driven_by_what_was_fitted_to_others() -> None:

@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 from small_drives import evidence
 
+from deeptruck_core.constants import AIR_DENSITY
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.fit_result import Errors
 from deeptruck_model.mismatch.correction.model import Correction
-from deeptruck_model.mismatch.correction.validate import _better, _falls, _log_ratio, validate
+from deeptruck_model.mismatch.correction.validate import _better, _falls, _log_ratio, at_high_speed, validate
 from deeptruck_model.mismatch.folders import CORRECTION
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.air_tyres_road import NOBODY_M
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives
 from deeptruck_model.mismatch.prepare.prepared import Prepared, prepare
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.trucks import driving_cycles
 
 TRUCK = trucks.load("trucksim")
@@ -52,6 +53,14 @@ def test_a_correction_is_validated_that_without_the_gap_is_as_good_as_none() -> 
     assert fit.without_exogenous is not None and fit.without_exogenous.signals == ("gap",)
     assert fit.without_exogenous.after == fit.errors.before.speed
     assert CORRECTION in driven.better
+
+
+def test_a_parameter_is_driven_at_high_speed() -> None:
+    drives = PreparedDrives((behind_another(0),), (True,), (), (), (), (), None)
+    added, own = at_high_speed(TRUCK, drives), TRUCK.parameters()
+    drag = 0.5 * AIR_DENSITY * own["drag_area"] * Limits.high_speed**2 / own["mass"]
+    assert added["drag_area"] == pytest.approx(-drag * Limits.horizons_s[0], rel=0.2)
+    assert added["torque_gain"] > 0.0 > added["rolling_resistance"] and "brake_gain" not in added
 
 
 @pytest.mark.parametrize(

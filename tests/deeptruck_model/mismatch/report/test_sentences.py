@@ -75,7 +75,7 @@ def test_sizes_follow_the_first_line() -> None:
     """The change of a parameter in its unit, a fitted size, the force; of a curve the force alone."""
     error = {"mass": Size(24000.0, "kg", (22000.0, 26000.0)), "relative_error": Size(0.2, "1", (0.1, 0.3))}
     mass = replace(PAYLOAD, kind=Kind.PARAMETER, effect="mass", stated="mass", parameters=error)
-    acting = Strength(-699.4, "N", one_way=True, share_of_time=0.82)
+    acting = Strength(-699.4, "N", one_way=True, share_of_time=0.82, ci95=(-790.0, -610.0))
     wind = replace(
         PAYLOAD, effect="headwind", stated="air_tyres_road", strength=acting,
         parameters={"wind": Size(4.37, "m/s", (0.43, 8.31))},
@@ -85,11 +85,45 @@ def test_sizes_follow_the_first_line() -> None:
     assert first.startswith("Mass of the simulator is wrong")
     assert second == (
         "Most probable sizes (95 % intervals in brackets): mass: +4,000 kg (+2,000 to +6,000), +20 % (+10 to "
-        "+30); if headwind: wind 4.37 m/s (0.43 to 8.31), mean -699 N while it acts, 82 % of the time; "
-        "headwind: mean -699 N while it acts, 82 % of the time."
+        "+30); if headwind: wind 4.37 m/s (0.43 to 8.31), mean -699 N (-790 to -610) while it acts, 82 % of "
+        "the time; headwind: mean -699 N (-790 to -610) while it acts, 82 % of the time."
     )
-    assert lines.sizes(Verdict(Conclusion.PHYSICS, (curve,))).startswith("Most probable sizes: ")
+    plain = replace(curve, strength=replace(acting, ci95=None))
+    assert lines.sizes(Verdict(Conclusion.PHYSICS, (plain,))).startswith("Most probable sizes: ")
     assert lines.sizes(Verdict(Conclusion.NOTHING)) == ""
+
+
+def test_parameters_that_are_wrong_together_are_the_first_line() -> None:
+    """Also where no single name is accepted; not where the correction adds a force."""
+    fit = FitResult(
+        ("d",), 40.0, 3, ("mass", "drag_area"), validated=True, offered=CORRECTION,
+        corrected_parameters={"mass": 0.101, "drag_area": 0.19, "torque_gain": 0.002},
+    )  # fmt: skip
+    v = Verdict(Conclusion.UNDETERMINED, fit=fit)
+    assert lines.headline(v) == (
+        "Mass (+10 %) and drag area (+19 %) are wrong together: apply the correction"
+    )
+    wind = {"headwind": Strength(-310.0, "N", one_way=True, share_of_time=0.8)}
+    assert "together" not in lines.headline(replace(v, fit=replace(fit, corrected_forces=wind)))
+
+
+def test_a_parameter_that_hardly_matters_is_said_with_what_it_makes_at_high_speed() -> None:
+    error = Size(0.27, "1", (0.06, 0.47))
+    drag = replace(
+        PAYLOAD, kind=Kind.PARAMETER, effect="drag_area", stated="mismatch", probability=0.68,
+        parameters={"relative_error": error},
+    )  # fmt: skip
+    fit = FitResult(("a",), 40.0, 3, (), at_high_speed={"drag_area": -3.0})
+    good = {"simulator": Advice(Answer.YES, "off by 0.1 m/s")}
+    v = Verdict(Conclusion.NOTHING, (drag,), fit=fit, advice=good)
+    assert lines.headline(v) == (
+        "The simulator is good enough for such drives, although drag area may be wrong (68 %)"
+    )
+    assert list(lines.what_to_do(v)) == [
+        "Use the simulator as it is for such drives. Its drag area may be off by +27 % (+6 to +47); on a "
+        "level road at 25 m/s that adds up to -0.81 m/s (-1.41 to -0.18) after 40 s: check it before such "
+        "drives."
+    ]
 
 
 def test_what_differs_from_drive_to_drive_is_to_be_adapted_to_each() -> None:
@@ -148,7 +182,8 @@ def test_what_is_offered_is_said_where_nothing_is_missing() -> None:
     fit = FitResult(("d",), 40.0, 3, (), validated=True, offered=REFIT)
     v = Verdict(Conclusion.NOTHING, fit=fit)
     assert lines.headline(v) == "Nothing that matters is missing: apply the refitted parameters"
-    assert list(lines.what_to_do(v)) == []  # the first line says it, and the command follows
+    (step,) = lines.what_to_do(v)
+    assert step.startswith("Apply the refitted parameters alone")
     sensor = replace(PAYLOAD, kind=Kind.SENSOR)
     assert list(lines.what_to_do(replace(v, findings=(sensor,))))[-1].startswith("Then apply the refitted")
 
@@ -184,7 +219,7 @@ def test_what_is_stated_beside_a_good_simulator_is_said_with_it_and_a_larger_par
     load, rest = (Part(n, x, x, x, 1.0, np.zeros(0)) for n, x in (("load", 0.59), ("left_over", 0.2)))
     off = Verdict(Conclusion.PHYSICS, (f,), budget=Budget(40.0, 9, 0.5, (load, rest)))
     assert lines.headline(off) == (
-        "The largest part is load, 59 %, of which no name is certain; shift interruption is missing, 21 % of "
+        "The largest part is load 59 %, of which no name is certain; shift interruption is missing, 21 % of "
         "the squared error: see what to do"
     )
     smaller = replace(off, budget=Budget(40.0, 9, 0.5, (replace(load, share=0.2, low=0.2), rest)))
@@ -210,7 +245,9 @@ def test_what_is_stated_beside_a_good_simulator_is_said_with_it_and_a_larger_par
         "Shift interruption is missing, 21 % of the squared error; otherwise the simulator is good enough"
     )
     unsure = replace(good, kind=Conclusion.NOTHING)
-    assert lines.headline(unsure) == "Nothing that matters is missing"
+    assert lines.headline(unsure) == (
+        "The simulator is good enough for such drives, although shift interruption may be missing (93 %)"
+    )
     fit = FitResult(("d",), 40.0, 3, (), validated=True, offered=REFIT)
     better = lines.headline(replace(good, fit=fit))
     assert better.endswith(
@@ -221,7 +258,7 @@ def test_what_is_stated_beside_a_good_simulator_is_said_with_it_and_a_larger_par
 def test_a_drive_that_differs_is_in_the_first_line_of_a_good_simulator() -> None:
     own = replace(
         PAYLOAD, effect="unknown", says="a constant force", in_drives=("c",), share_of_error=0.52,
-        parameters={"force[c]": Size(-223.4, "N", (-250.0, -200.0))},
+        parameters={"force[c]": Size(-223.4, "N", (-250.0, -200.0), "c")},
     )  # fmt: skip
     good = {"simulator": Advice(Answer.YES, "off by 0.1 m/s")}
     v = Verdict(Conclusion.PHYSICS, (replace(PAYLOAD, share_of_error=0.1), own), advice=good)
@@ -233,7 +270,7 @@ def test_a_drive_that_differs_is_in_the_first_line_of_a_good_simulator() -> None
 
 def test_sizes_that_differ_between_a_few_drives_are_in_the_first_line() -> None:
     sizes = {
-        f"change[{d}]": Size(x, "kg", (x - 300.0, x + 300.0)) for d, x in (("a", -10864.4), ("c", 9759.7))
+        f"change[{d}]": Size(x, "kg", (x - 300.0, x + 300.0), d) for d, x in (("a", -10864.4), ("c", 9759.7))
     }
     v = Verdict(Conclusion.PHYSICS, (replace(PAYLOAD, parameters=sizes, share_of_error=0.99),))
     assert lines.headline(v) == (

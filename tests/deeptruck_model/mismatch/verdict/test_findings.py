@@ -110,7 +110,8 @@ def test_what_a_drive_has_of_its_own_has_a_size_by_drive() -> None:
 
 def test_the_headline_says_the_force_its_share_and_what_to_record() -> None:
     v = Verdict(Conclusion.PHYSICS, found(SLOW), budget=compared(SLOW).budget)
-    share = lines.share_of(next(p for p in compared(SLOW).budget.parts if p.part == SLOW))
+    budget = compared(SLOW).budget
+    share = lines.share_of(budget.share(SLOW), budget.ends(SLOW))
     assert lines.headline(v) == (
         f"A slow force that no recorded channel explains, as a slope or wind is, {share} of the squared "
         "error: record elevation or position"
