@@ -114,6 +114,10 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
         for recipe, own in _pruned(folds, whole, p.probability, rules):
             options.append(recipe)
             errors.append(own)
+    for by_output_error in (False, True):
+        for recipe, own in _fewer(folds, replace(tuning, output_error=by_output_error)):
+            options.append(recipe)
+            errors.append(own)
     left_out = {
         "before": errors[0],
         "parameters_only": _left_out(folds, tuning),
@@ -169,11 +173,11 @@ def _wholes(
     p: Posterior, named: Mapping[str, NamedForce], likely: frozenset[str], e: Evidence
 ) -> Iterator[Recipe]:
     """Recipes from which parts are omitted: what was found, alone, with what has no name, and with all
-    parameters; and these alone."""
+    parameters."""
     known = _terms(named)
     rest = tuple(nameless_terms(p, {*named, *likely}, e))
     everything = frozenset(p.search.parameters)
-    wholes = [(known, likely), ((*known, *rest), likely), ((), everything)]
+    wholes = [(known, likely), ((*known, *rest), likely)]
     if known or rest:
         wholes.append(((*known, *rest), everything))
     for terms, free in wholes[1:] if not rest else wholes:
@@ -270,6 +274,16 @@ def _pruned(
         if less.names and _rms(without := _left_out(folds, less)) <= most:
             recipe = less
             yield less, without
+
+
+def _fewer(folds: Sequence[_Fold], recipe: Recipe) -> Iterator[tuple[Recipe, Array]]:
+    """A recipe of parameters alone, and what is left of it as each time the one is omitted whose absence
+    raises the error of drives left out least; each with its errors as of `_left_out`."""
+    errors = _left_out(folds, recipe)
+    while recipe.free:
+        yield recipe, errors
+        each = [recipe.without(name) for name in sorted(recipe.free)]
+        recipe, errors = min(((less, _left_out(folds, less)) for less in each), key=lambda x: _rms(x[1]))
 
 
 def _best(options: Sequence[Recipe], errors: Sequence[Array], rules: Rules) -> int:
