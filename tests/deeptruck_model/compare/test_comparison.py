@@ -99,15 +99,6 @@ def test_an_offset_that_is_given_is_taken(bags: Path) -> None:
     assert later.offset.seconds == 30.0 and not later.offset.found and later.offset.correlation < 0.99
 
 
-@pytest.mark.parametrize("text", ["friday=abc", "friday=nan", "friday=", "12.5", "=12.5"])
-def test_an_offset_that_is_no_number_is_one_line(bags: Path, tmp_path: Path, text: str) -> None:
-    sides = [str(bags / "whole"), str(bags / "later")]
-    done = RUN.invoke(cli.whole(), ["compare", *sides, "--offset-s", text, "--out", str(tmp_path / "out")])
-    assert isinstance(done.exception, InputError)  # which the console script prints, with exit code 2
-    assert f"--offset-s '{text}' is not understood" in str(done.exception)
-    assert "\n" not in str(done.exception) and not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize("late_s", [0.0, 3.0, 6.0])
 def test_how_late_two_follow_one_leader_is_left_to_compare(
     tmp_path: Path, drive: Recording, late_s: float
@@ -244,6 +235,8 @@ def test_speeds_are_shown_in_another_unit_and_stored_in_ours(
         (["{0}/whole", "truck:none@{0}/whole"], "none"),
         (["{0}/whole", "truck:trucksim@"], "is a simulator, which runs along a drive"),
         (["{0}/whole", "{0}/later", "--offset-s", "later"], "write SIDE=SECONDS"),
+        (["{0}/whole", "{0}/later", "--offset-s", "later=nan"], "'later=nan' is not understood"),
+        (["{0}/whole", "{0}/later", "--offset-s", "=12.5"], "'=12.5' is not understood"),
         (["{0}/whole", "{0}/later", "--offset-s", "x=1"], "no side x to move"),
     ],
 )
@@ -256,7 +249,7 @@ def test_bad_input_is_one_line(
 ) -> None:
     given = [a.format(bags) for a in arguments]
     code, _, error = script("compare", *given, "--out", tmp_path / "out")
-    assert code == 2 and says in error and "Traceback" not in error
+    assert code == 2 and says in error and error.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -114,10 +115,9 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
         for recipe, own in _pruned(folds, whole, p.probability, rules):
             options.append(recipe)
             errors.append(own)
-    for by_output_error in (False, True):
-        for recipe, own in _fewer(folds, replace(tuning, output_error=by_output_error)):
-            options.append(recipe)
-            errors.append(own)
+    for recipe, own in _subsets(folds, p.search.parameters):
+        options.append(recipe)
+        errors.append(own)
     left_out = {
         "before": errors[0],
         "parameters_only": _left_out(folds, tuning),
@@ -276,14 +276,15 @@ def _pruned(
             yield less, without
 
 
-def _fewer(folds: Sequence[_Fold], recipe: Recipe) -> Iterator[tuple[Recipe, Array]]:
-    """A recipe of parameters alone, and what is left of it as each time the one is omitted whose absence
-    raises the error of drives left out least; each with its errors as of `_left_out`."""
-    errors = _left_out(folds, recipe)
-    while recipe.free:
-        yield recipe, errors
-        each = [recipe.without(name) for name in sorted(recipe.free)]
-        recipe, errors = min(((less, _left_out(folds, less)) for less in each), key=lambda x: _rms(x[1]))
+def _subsets(folds: Sequence[_Fold], parameters: Sequence[str]) -> Iterator[tuple[Recipe, Array]]:
+    """Recipes of parameters alone, every subset, and the best of each size by output error; with their errors
+    as of `_left_out`. Pruning misses pairs: more mass is the same as less torque, brake and drag together."""
+    for count in range(1, len(parameters) + 1):
+        recipes = [Recipe((), frozenset(free)) for free in combinations(parameters, count)]
+        each = [(recipe, _left_out(folds, recipe)) for recipe in recipes]
+        yield from each
+        best = replace(min(each, key=lambda x: _rms(x[1]))[0], output_error=True)
+        yield best, _left_out(folds, best)
 
 
 def _best(options: Sequence[Recipe], errors: Sequence[Array], rules: Rules) -> int:

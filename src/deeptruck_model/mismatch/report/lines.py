@@ -478,8 +478,9 @@ def _check(v: Verdict, f: Finding) -> str:
     each = v.fit.at_high_speed.get(f.effect) if v.fit is not None else None
     if each is None:
         return Said(use, may, ": check it where it matters more.")
-    ends = None if error.ci95 is None else tuple(sorted(each * x for x in error.ci95))
-    change = interval(Size(each * error.value, SPEED_UNIT, ends), 1.0, SPEED_UNIT, sign=True)
+    ends = sorted(each * x for x in error.ci95 or ())
+    added = Size(each * error.value, SPEED_UNIT, (ends[0], ends[1]) if ends else None)
+    change = interval(added, 1.0, SPEED_UNIT, sign=True)
     return Said(
         use, may, "; on a level road at ", Speed(Limits.high_speed), " that adds up to ", change,
         f" after {Limits.horizons_s[0]:g} s: check it before such drives.",

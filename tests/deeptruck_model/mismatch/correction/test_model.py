@@ -25,6 +25,7 @@ from deeptruck_model.mismatch.correction.model import (
     _nested,
     _pruned,
     _rms,
+    _subsets,
 )
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
 from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Where
@@ -128,6 +129,16 @@ def test_a_part_that_other_drives_do_not_need_is_left_out() -> None:
     found = [Named(n, Tree({n: 0.7}), 9.0, np.zeros(N)) for n in ("brake_gain", "torque_gain")]
     assert _needless(folds, whole, found) == {"brake_gain"}
     assert _needless(folds, Recipe((), frozenset(["brake_gain"])), found) == set()  # a first name stays
+
+
+def test_every_set_of_parameters_is_a_recipe() -> None:
+    """The fewest that explain the error: here the pair."""
+    e = evidence(noise=0.003)
+    off = 0.2 * e.sensitivity["torque_gain"] + 0.3 * e.sensitivity["brake_gain"]
+    made = list(_subsets(_folds(replace(e, residual=e.residual + off)), sorted(e.sensitivity)))
+    assert len({recipe.free for recipe, _ in made}) == 2 ** len(e.sensitivity) - 1
+    options, errors = zip(*made, strict=True)
+    assert options[_best(options, errors, Rules())].free == {"torque_gain", "brake_gain"}
 
 
 def test_every_fitted_drive_is_driven_by_what_was_fitted_to_others() -> None:
