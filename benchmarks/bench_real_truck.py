@@ -1,5 +1,5 @@
 """A real truck, `veh002`: free runs on the second half of its log, compared with least squares. With
---every-log a table of all real logs: what import makes of each, and what a generic vehicle lacks beside it.
+--every-log a table of all real logs: what import makes of each, and what a generic vehicle lacks.
 
 The logs (docs/recordings.md) are no part of this project: put them under ../shared/data or the folder in
 DEEPTRUCK_REAL_DATA. Of veh002 settings, and the delay of the fuel's stamps, were chosen inside the first
@@ -154,7 +154,7 @@ CAR = {"mass": 1400.0, "drag_area": 0.65, "rolling_resistance": 0.01, "torque_ga
 LOOKED_AT_S = 900.0
 PULLS = {"g/s": 0.4 * 42.7e3, "N m": 9.7 / 0.35}
 EVERY_LOG = (
-    "log | by | min | pieces | rows, of them set aside | channels | a generic vehicle beside it | "
+    "log | by | min | pieces | rows, of them set aside | channels | what a generic vehicle lacks | "
     "speed error, m/s"
 )
 
@@ -172,7 +172,7 @@ def of_logs() -> Iterator[str]:
             rows = f"{count.read:,}, {count.left_out}" if count else "-"
             by = f"`--columns {layout}.yaml`" if layout else "as it is"
             cells = [f"{path.parent.name}/{path.name}", by, f"{minutes:.1f}", f"{len(got)}", rows, channels]
-            yield " | ".join([*cells, *beside_generic(got)])
+            yield " | ".join([*cells, *by_generic(got)])
             print(cells[0], flush=True)
 
 
@@ -188,7 +188,7 @@ SHOWN = (
 )
 
 
-def beside_generic(got: list[Recording]) -> tuple[str, str]:
+def by_generic(got: list[Recording]) -> tuple[str, str]:
     """The first line about a generic vehicle, and its speed errors as given and as offered."""
     i = got[0].interface
     if i.engine_unit not in PULLS or not any("engine_command" in r.channels for r in got):

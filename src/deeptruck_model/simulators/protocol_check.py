@@ -58,8 +58,8 @@ class NotedError(Exception):
 
 
 def examine(simulator: Simulator, say: Callable[[str], None] = lambda step: None) -> list[Row]:
-    """A row for each probe. The simulator is only driven from copies of its own states. `say` is told which
-    probe begins."""
+    """A row for each probe. The simulator is only driven from copies of its own states. `say` gets how
+    far the probes are."""
     rows: list[Row] = []
     for k, (about, probe) in enumerate(PROBES):
         say(f"checking the simulator, {k / len(PROBES):.0%}")

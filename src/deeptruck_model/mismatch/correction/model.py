@@ -23,7 +23,7 @@ from deeptruck_model.mismatch.correction.forms import (
     simplest_terms,
 )
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
-from deeptruck_model.mismatch.mechanisms.families import PARAMETER_ERRORS, UNKNOWN
+from deeptruck_model.mismatch.mechanisms.families import FAMILY, PARAMETER_ERRORS, UNKNOWN
 from deeptruck_model.mismatch.posterior.names import Compared, Named
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, PINNED, Model, Regression
@@ -107,7 +107,7 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
     e = about_the_mean(simulator, c.drives, c.given, p, likely)
     named = named_forces(p, c.names.found, e)
     tuning, folds = Recipe((), frozenset(p.search.parameters)), _folds(e)
-    needless = _needless(folds, Recipe(_terms(named), frozenset(likely)), c.names.found)
+    needless = _needless(folds, Recipe(_terms(named), frozenset(likely)), c.names.found, rules.stated)
     named = {name: x for name, x in named.items() if name not in needless}
     likely = {name: x for name, x in likely.items() if name not in needless}
     options, errors = [Recipe()], [_left_out(folds, Recipe())]
@@ -143,10 +143,20 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
     )
 
 
-def _needless(folds: Sequence[_Fold], recipe: Recipe, found: Sequence[Named]) -> frozenset[str]:
-    """Names of a recipe without which drives left out are predicted as well, beside the names that are more
-    probable."""
-    errors, out = _left_out(folds, recipe), set()
+def _needless(
+    folds: Sequence[_Fold], recipe: Recipe, found: Sequence[Named], stated: float
+) -> frozenset[str]:
+    """Names without which drives left out are predicted as well, beside the names that are more probable. One
+    that the recipe lacks, as no form carries it to other drives, is needless below probability `stated` if a
+    more probable one is of its family: it may be what that one's form leaves."""
+    out = {
+        f.name
+        for k, f in enumerate(found)
+        if f.name not in recipe.names
+        and f.tree.names[f.name] < stated
+        and any(FAMILY[f.name] == FAMILY[more.name] for more in found[:k])
+    }
+    errors = _left_out(folds, recipe)
     for name in (f.name for f in reversed(found) if f.name in recipe.names):
         less = recipe.without(name)
         if less.names and _rms(without := _left_out(folds, less)) <= _rms(errors):

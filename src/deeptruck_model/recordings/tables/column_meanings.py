@@ -123,7 +123,7 @@ def _candidate(
     column: Column, channel: str, asked: frozenset[str], units: list[str], stated: str, **more: Any
 ) -> Candidate:
     """A column as a channel, by the words asked for; a unit that the header states is the surest."""
-    why = f"'{' '.join(sorted(asked))}' in its name" if asked else ""
+    why = f"by its name ({' '.join(sorted(asked))})" if asked else ""
     sure, unit = FIELD if column.header.unit else TOPIC, units[0] if len(units) == 1 else ""
     more |= {"stated": stated, "units": () if unit else tuple(units)}
     return Candidate(channel, None, Field.of(column.name, column.values), unit, why, sure, **more)

@@ -126,9 +126,11 @@ def test_a_part_that_other_drives_do_not_need_is_left_out() -> None:
     *_, (least, errors) = _pruned(folds, whole, {"brake_gain": 0.2, "torque_gain": 0.9}.__getitem__, Rules())
     assert least.free == {"torque_gain"}
     assert _rms(errors) <= _rms(_left_out(folds, whole)) / Rules().better
-    found = [Named(n, Tree({n: 0.7}), 9.0, np.zeros(N)) for n in ("brake_gain", "torque_gain")]
-    assert _needless(folds, whole, found) == {"brake_gain"}
-    assert _needless(folds, Recipe((), frozenset(["brake_gain"])), found) == set()  # a first name stays
+    names = ("torque_gain", "brake_gain", "turbo_lag", "headwind")
+    found = [Named(n, Tree({n: 0.7}), 9.0, np.zeros(N)) for n in names]
+    assert _needless(folds, whole, found, 0.9) == {"brake_gain", "turbo_lag"}  # this of the engine too
+    assert _needless(folds, whole, found, 0.6) == {"brake_gain"}
+    assert _needless(folds, Recipe((), frozenset(["brake_gain"])), found[1:2], 0.9) == set()  # a first one
 
 
 def test_every_set_of_parameters_is_a_recipe() -> None:
