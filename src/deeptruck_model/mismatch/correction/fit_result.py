@@ -60,7 +60,7 @@ def strength(e: Evidence, force: Array, drawn: Array | None = None) -> Strength:
     ends = None
     if drawn is not None:
         low, high = np.sort(value * np.quantile(drawn, [0.025, 0.975]))
-        ends = (float(low), float(high))
+        ends = (float(low) if one_way else max(float(low), 0.0), float(high))
     return Strength(value, e.unit.name, one_way, float(on.sum() / max(e.valid.sum(), 1)), ends)
 
 

@@ -95,11 +95,6 @@ def _good_enough(n: Numbers, rules: Rules) -> bool:
     return bool(np.isfinite(n.error) and n.error <= tolerance(n.reference_error, rules))
 
 
-def uncompared(*, faulty: bool) -> Conclusion:
-    """The conclusion if nothing can be compared: a sensor fault, or undetermined."""
-    return Conclusion.SENSOR if faulty else Conclusion.UNDETERMINED
-
-
 def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
     """Of the simulators that are significantly better than the one as given, with or without a name, the one
     with the least error along held-out drives. The correction only if it is better than the refit alone,
@@ -197,7 +192,7 @@ def unusable(drives: PreparedDrives) -> Verdict:
     found = tuple(of_fault(f) for f in drives.faults)
     why = drives.unusable_because or ""
     return Verdict(
-        uncompared(faulty=bool(found)),
+        Conclusion.SENSOR if found else Conclusion.UNDETERMINED,
         found,
         data=Data(drives.rejected, drives.samples, doubts=drives.doubts),
         caveats=(*drives.caveats, why),

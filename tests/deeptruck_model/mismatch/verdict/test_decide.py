@@ -206,11 +206,6 @@ def test_of_two_that_are_equally_good_the_refit_is_offered() -> None:
     assert decide.offered(replace(n, beyond_refit=False), Conclusion.PHYSICS, RULES) == REFIT
 
 
-def test_nothing_compared_is_a_fault_or_undetermined() -> None:
-    assert decide.uncompared(faulty=True) is Conclusion.SENSOR
-    assert decide.uncompared(faulty=False) is Conclusion.UNDETERMINED
-
-
 @pytest.fixture(params=["lazy_brake", "right_truck", "dragging_brake", "heavier_truck"])
 def verdict(request: pytest.FixtureRequest) -> Verdict:
     """The verdicts of the whole runs that the tests share."""
