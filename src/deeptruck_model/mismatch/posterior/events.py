@@ -78,8 +78,8 @@ class Event:
 def with_events(search: Regression, seed: int) -> tuple[Posterior, tuple[Event, ...]]:
     """The posterior, and the events. The rows of events are in its draws, and left out of its `search`.
 
-    A first look estimates the noise and says which laws' constants are fitted; a posterior of what acts
-    always finds the events; then what acts in these alone may be in too.
+    A first look estimates the noise and selects the laws whose constants are fitted. The posterior of what
+    acts throughout finds the events; a second one has further blocks that act in these alone.
     """
     look = first_look(search, seed=seed)
     search = narrowed(look)

@@ -124,8 +124,8 @@ class Names:
 
 
 def names(p: Posterior) -> Names:
-    """The names of a posterior, each with its probability in the draws, most probable first; of those
-    probable enough to be stated the one first whose force adds up to the larger speed error.
+    """The names of a posterior, each with its probability in the draws: first those that are probable enough
+    to be stated, by the speed error that their forces add up to, then the others by their probability.
 
     A name stands for those that act in its place: the ones that are in more often without it than with it.
     It is an effect if the probability that any of one family of these acts is `rules.named` or more: many

@@ -1,8 +1,8 @@
 """One posterior from which names, budget and correction are read.
 
 The residual is a sum of blocks: every mechanism's kernels, parameters, what no mechanism would do,
-constants of drives, slow drift and road positions. Each is in or out with a size (`sampler`), beside what
-sensors do, and beside noise that is fitted again beside what is in.
+constants of drives, slow drift and road positions. Each is in or out, with a size (`sampler`); effects of
+sensors are always in, and the noise is fitted again given what is in.
 """
 
 from __future__ import annotations
