@@ -47,17 +47,8 @@ def bag(folder: Path, name: str, seed: int, seconds: float = 180.0) -> Path:
 def test_from_bags_to_a_corrected_simulator(tmp_path: Path) -> None:
     bags = [bag(tmp_path, name, seed) for seed, name in enumerate("abcd")]
     out = tmp_path / "found"
-    done = call(
-        "mismatch",
-        "--simulator",
-        "truck:trucksim",
-        "--recordings",
-        *bags[:3],
-        "--held-out",
-        bags[3],
-        "--out",
-        out,
-    )
+    given = ("--simulator", "truck:trucksim", "--recordings", *bags[:3], "--held-out", bags[3])
+    done = call("mismatch", *given, "--out", out)
     assert done.returncode == 0 and "Traceback" not in done.stderr
     assert " s: correcting the simulator and driving it free\n" in done.stderr  # a log shows how far it is
     said = json.loads((out / "verdict.json").read_text())
