@@ -40,10 +40,10 @@ OTHERS = r"make \w+|\. \S+/activate$|#|$"
 RUN_HERE = [DOCS / "tutorial.md", DOCS / "cacc.md", DOCS / "cacc_shield.md"]
 RUN_BY = {  # the snippets of other pages need what their own tests have at hand
     "README.md": "tests/deeptruck_model/mismatch/test_docs.py",
-    "docs/trucks.md": "tests/deeptruck_model/trucks/test_docs.py",
+    "docs/trucks.md": "tests/deeptruck_model/trucks/test_truck.py",
     "docs/recordings.md": "tests/deeptruck_model/recordings/test_documentation.py",
     "docs/simulators.md": "tests/deeptruck_model/outside/test_minimal.py",
-    "docs/deep_model.md": "tests/deeptruck_model/deep/test_docs.py",
+    "docs/deep_model.md": "tests/deeptruck_model/deep/test_commands.py",
     "docs/mismatch.md": "tests/deeptruck_model/mismatch/test_docs.py",
     "docs/nodes.md": "tests/deeptruck_cacc/controllers/test_onnx_policy.py",
 }

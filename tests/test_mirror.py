@@ -12,6 +12,7 @@ SOURCES = (TESTS.parent / "src", TESTS.parent / "exam" / "src")
 # Files without a test of their name: their room, they, and the test that runs them.
 THROUGH = """
 deeptruck_cacc.controllers: signed_pedal | deeptruck_cacc/controllers/test_planner.py
+deeptruck_cacc.environments: registration | deeptruck_cacc/environments/test_environment.py
 deeptruck_cacc.evaluation: overview page | deeptruck_cacc/evaluation/test_evaluation.py
 deeptruck_exam.cases: deep_trucks gates truth | deeptruck_exam/cases/test_cases.py
 deeptruck_exam.laws: air brakes commands driveline engine load | deeptruck_exam/laws/test_catalogue.py
@@ -55,7 +56,7 @@ truck_bridge: channels units | truck_bridge/test_vehicles.py
 truck_bridge.can_logs: decoding faults importing pieces | truck_bridge/test_can_logs.py
 truck_bridge.can_logs: row_logs text_logs trc_logs whole | truck_bridge/test_can_logs.py
 truck_bridge.emulator: messages sender | truck_bridge/emulator/test_ecus.py
-truck_bridge.j1939: ids | truck_bridge/j1939/test_checksums_and_ids.py
+truck_bridge.j1939: ids | truck_bridge/j1939/test_codec.py
 truck_bridge.safety: core | safety/test_frames.py
 truck_bridge.vehicles: loading schema vehicle | truck_bridge/test_vehicles.py
 """

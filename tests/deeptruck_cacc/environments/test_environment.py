@@ -1,6 +1,9 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -10,8 +13,9 @@ from stable_baselines3.common.env_checker import check_env as check_sb3
 
 from deeptruck_cacc import CaccEnv, Reward
 from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap, paper_signals
-from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.environments import hard_scenes, scenes
 from deeptruck_cacc.environments.adapters import CaccGymEnv, CaccSb3VecEnv, CaccVectorEnv
+from deeptruck_cacc.training.identity import simulator_hash
 from deeptruck_core.errors import InputError
 
 
@@ -229,3 +233,61 @@ def test_no_truck_of_scene_wide_is_more_than_3_m_s_off_its_leader():
 def test_unknown_scene_is_refused(toy):
     with pytest.raises(InputError, match="known: paper"):
         CaccGymEnv(toy, scene="moon")
+
+
+# Hard scenes are what their descriptions say, row by row
+
+
+DT = 0.1
+
+
+def test_ramps_change_the_leaders_speed_by_3_m_s_up_and_down_every_20_s() -> None:
+    pull = hard_scenes.ramps(np.random.default_rng(0), 8, 800, DT).leader_acceleration
+    np.testing.assert_array_equal(pull[:, 200:], -pull[:, :-200])
+    for way in (-1.0, 1.0):
+        np.testing.assert_array_equal((pull[:, :400] == way).sum(axis=1), 30)
+    assert set(np.unique(pull)) == {-1.0, 0.0, 1.0}
+
+
+def test_a_jump_of_the_radar_is_20_to_40_m_and_up_to_3_m_s_for_1_to_3_s_from_20_s_on() -> None:
+    scene = hard_scenes.radar_jump(np.random.default_rng(0), 100, 600, DT)
+    assert scene.seen_gap_offset is not None and scene.seen_speed_offset is not None
+    further, faster = scene.seen_gap_offset, scene.seen_speed_offset
+    np.testing.assert_array_equal(further != 0.0, faster != 0.0)
+    during = (further != 0.0).sum(axis=1)
+    assert 10 <= during.min() <= during.max() <= 30
+    for row, steps in enumerate(during):
+        assert not further[row, :200].any() and (further[row, 200 : 200 + steps] == further[row, 200]).all()
+    assert 20.0 <= further[:, 200].min() <= further[:, 200].max() <= 40.0
+    assert 0.0 <= faster[:, 200].min() <= faster[:, 200].max() <= 3.0
+
+
+# The environment drives an outside simulator by its name, and a training knows it by its content
+
+
+def test_the_environment_drives_it(shuttle: Path) -> None:
+    env = CaccGymEnv(f"python:{shuttle.stem}:make")
+    env.reset(seed=0)
+    for _ in range(3):
+        observation, reward, *_ = env.step(np.array([0.5, -1.0], np.float32))
+    assert np.isfinite(observation).all() and np.isfinite(reward)
+
+
+def test_a_changed_module_is_another_simulator(shuttle: Path) -> None:
+    text = f"python:{shuttle.stem}:make"
+    before = simulator_hash(text)
+    assert simulator_hash(text) == before
+    shuttle.write_text(shuttle.read_text() + "\n# a remark\n")
+    assert simulator_hash(text) != before
+
+
+# gymnasium finds the environment once the package is imported
+
+
+def test_importing_the_package_registers_without_loading_the_environment() -> None:
+    script = (
+        "import sys, gymnasium, deeptruck_cacc\n"
+        "print('torch' in sys.modules, gymnasium.spec('deeptruck/Cacc-v0').entry_point)\n"
+    )
+    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert said.split() == ["False", "deeptruck_cacc.environments.adapters:CaccGymEnv"]

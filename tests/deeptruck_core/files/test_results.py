@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -13,6 +16,7 @@ from result_kit import KIND, publish, record
 
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
+from deeptruck_core.files import lock
 
 HOLD = """
 import sys, pathlib
@@ -209,3 +213,61 @@ def test_what_another_command_left_unfinished_is_not_gone_on_with(tmp_path: Path
     with pytest.raises(InputError, match="is unfinished work on another thing"):
         KIND.check_start(out, resume=True)
     assert (draft / "a").read_text() == "begun"
+
+
+# A name is held for one run at a time, by a file that is this user's alone
+
+
+def test_a_name_is_reserved_once_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    out = tmp_path / "out"
+    for _ in range(2):
+        with lock.reserved(out):
+            assert (tmp_path / f"deeptruck-{os.getuid()}").stat().st_mode & 0o777 == 0o700
+            with pytest.raises(InputError, match="another run is to write"), lock.reserved(out):
+                pass
+    assert not out.exists()
+
+
+# The marker of a result: which command wrote which files
+
+
+def test_nothing_new_is_put_into_a_finished_result(tmp_path: Path) -> None:
+    publish(tmp_path / "out", a="old")
+    with pytest.raises(InputError, match=r"out/sub would lie in .*out, a test result; choose"):
+        files.Result("another result").check(tmp_path / "out" / "sub")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        '{"what": 1}',
+        '{"what": "a test result", "files": 3}',
+    ],
+)
+def test_a_damaged_marker_is_none(tmp_path: Path, text: str) -> None:
+    publish(tmp_path / "out", a="old")
+    (tmp_path / "out" / files.MARKER).write_text(text)
+    with pytest.raises(InputError, match=r"holds a but no \.deeptruck\.json that can be read"):
+        publish(tmp_path / "out", overwrite=True, a="new")
+    assert (tmp_path / "out" / "a").read_text() == "old"
+
+
+def test_what_an_earlier_version_wrote_is_known(tmp_path: Path) -> None:
+    """It listed size and hash of each file."""
+    publish(tmp_path / "out", a="old")
+    old = {"what": "a test result", "files": {"a": {"bytes": 3, "sha256": "0"}}}
+    (tmp_path / "out" / files.MARKER).write_text(json.dumps(old))
+    publish(tmp_path / "out", overwrite=True, b="new")
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"b", files.MARKER}
+
+
+def test_a_marker_that_lists_files_elsewhere_removes_none_of_them(tmp_path: Path) -> None:
+    publish(tmp_path / "out", a="old")
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "out" / files.MARKER).write_text('{"what": "a test result", "files": ["a", "../mine"]}')
+    publish(tmp_path / "out", overwrite=True, a="new")
+    assert (tmp_path / "mine").read_text() == "mine"

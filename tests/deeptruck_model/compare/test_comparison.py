@@ -18,10 +18,12 @@ from typer.testing import CliRunner
 
 from deeptruck_core.errors import InputError
 from deeptruck_model import cli, simulators, trucks
-from deeptruck_model.compare import compare, page, write
-from deeptruck_model.compare.alignment import By, Road
+from deeptruck_model.compare import compare, page, statistics, write
+from deeptruck_model.compare.alignment import By, Road, road
 from deeptruck_model.compare.comparison import Comparison
+from deeptruck_model.compare.sides import Side
 from deeptruck_model.recordings import Recording, read, write_bag
+from deeptruck_model.recordings.units import metres_per_degree
 from deeptruck_model.simulators import free_run
 from deeptruck_model.trucks import driving_cycles
 
@@ -339,3 +341,45 @@ def test_it_is_brushed_moved_and_keyed_in_a_browser(whole_and_later: Comparison,
     assert seen["back"] == seen["found"] and seen["value"] == "40" and seen["kept"]
     assert all(now != then for now, then in zip(seen["moved_by_hand"], seen["found"], strict=True))
     assert "not moved" in seen["refused"][2]
+
+
+# Moments and places of two sides that belong together
+
+
+def _north(east_m: float) -> Side:
+    """A minute at 20 m/s over the equator along a meridian, this far east of the one at 9 degrees."""
+    n = np.arange(600)
+    speed = np.full(len(n), 20.0)
+    east_m_per_degree, north_m_per_degree = metres_per_degree(0.0)
+    columns = {
+        "speed": speed,
+        "latitude": (2.0 * n - 600.0) / north_m_per_degree,
+        "longitude": np.full(len(n), 9.0 + east_m / east_m_per_degree),
+    }
+    return Side("side", 0.1, columns, {})
+
+
+@pytest.mark.parametrize("east_m", [-29.9, 0.0, 29.9])
+def test_places_within_30_m_are_on_one_road(east_m: float) -> None:
+    found = road(_north(0.0), _north(east_m))
+    assert isinstance(found, Road) and found.by == "positions"
+    np.testing.assert_allclose(found.place, _north(0.0).distance, atol=2.0)
+    assert found.shared_m == pytest.approx(599 * 2.0)
+
+
+@pytest.mark.parametrize("east_m", [-30.1, 30.1])
+def test_places_farther_apart_are_on_no_shared_road(east_m: float) -> None:
+    assert road(_north(0.0), _north(east_m)) == "No shared road: less than 500 m by positions"
+
+
+# What a drive was like in numbers
+
+
+def test_time_gaps_are_gap_over_speed_where_the_truck_rolls_and_the_gap_is_known() -> None:
+    """Time gaps of 4, 2 and 3 s; at 1 m/s the truck does not roll."""
+    columns = {
+        "speed": np.array([10.0, 10.0, 10.0, 10.0, 1.0]),
+        "gap": np.array([40.0, 20.0, 30.0, np.nan, 0.5]),
+    }
+    found = statistics.of(Side("drive", 0.1, columns, {}))
+    assert found.median_time_gap_s == 3.0 and found.least_time_gap_s == 2.0

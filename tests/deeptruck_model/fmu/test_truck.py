@@ -11,6 +11,7 @@ import pytest
 from deeptruck_cacc.environments.adapters import CaccGymEnv
 from deeptruck_core.errors import InputError
 from deeptruck_model import checks, simulators, trucks
+from deeptruck_model.mismatch import CorrectedTruck
 from deeptruck_model.simulators import Array, protocol_check
 from deeptruck_model.trucks import driving_cycles
 
@@ -93,3 +94,21 @@ def test_the_environment_drives_it(own: Path) -> None:
     env.reset(seed=1)
     observation, reward, *_ = env.step(np.array([0.2, -1.0], np.float32))
     assert np.isfinite(observation).all() and np.isfinite(float(reward))
+
+
+# A correction of an FMU with a wrong mass is kept beside its reference, loads again, and drives better
+
+
+def test_the_corrected_fmu_loads_again_and_is_better(heavy: Path, tmp_path: Path) -> None:
+    truck = trucks.load("trucksim")
+    c = driving_cycles.drive(truck, seconds=60.0, seed=1).channels
+    i = truck.interface
+    u, w, y = (np.stack([c[name] for name in names], -1)[None] for names in (i.u, i.w, i.y))
+    base = simulators.load(f"fmu:{heavy}")
+    assert base.parameters()["mass"] == 24000.0
+    CorrectedTruck(base, [], {"mass": -1 / 6}, None, True).save(tmp_path / "better")
+    again = simulators.load(tmp_path / "better")
+    before, after = (
+        np.abs(simulators.free_run(s, u, w, y[:, 0]).y[:, :, 1] - y[:, :, 1]).max() for s in (base, again)
+    )
+    assert after < 1e-6 < 0.1 < before

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ import yaml
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulators, trucks
 from deeptruck_model.simulators import Simulator
+from deeptruck_model.trucks.accelerometer import Accelerometer
 
 
 def test_pool_has_the_three_trucks_of_the_paper() -> None:
@@ -162,3 +165,33 @@ def test_the_load_at_the_start_is_air_drag_and_rolling_resistance() -> None:
     drag = 0.5 * p["air_density"] * p["drag_area"] * speed**2
     rolling = (p["rolling_resistance"] + p["rolling_resistance_speed"] * speed) * p["mass"] * p["gravity"]
     assert truck.reset(y).records["load"][0] == pytest.approx(drag + rolling, rel=1e-6)
+
+
+# The accelerometer of a simulated truck reads the derivative of speed and the slope of the road
+
+
+def test_it_feels_slope_and_pitch_beside_its_bias() -> None:
+    means = {}
+    for a, slope in ((0.0, 0.0), (0.0, 0.05), (1.0, 0.0)):
+        one = Accelerometer(seed=3)
+        means[a, slope] = np.mean([one.reads(a, slope) for _ in range(20_000)])
+    level = means[0.0, 0.0]
+    assert abs(level) < 4 * Accelerometer.BIAS
+    np.testing.assert_allclose(means[0.0, 0.05] - level, 9.80665 * 0.05 / np.hypot(1.0, 0.05), atol=1e-9)
+    np.testing.assert_allclose(means[1.0, 0.0] - level, 1.0 + Accelerometer.PITCH, atol=1e-9)
+
+
+# The snippets of docs/trucks.md run as they stand
+
+
+DOC = Path(__file__).parents[3] / "docs" / "trucks.md"
+
+
+def test_snippets_run() -> None:
+    scope: dict[str, Any] = {}
+    blocks = re.findall(r"```python\n(.*?)```", DOC.read_text(), re.DOTALL)
+    assert len(blocks) == 3
+    for block in blocks:
+        exec(block, scope)
+    assert len(scope["recording"]) == 4 * 36000
+    assert scope["field"].channels["speed"].mean() > 20.0
