@@ -66,12 +66,12 @@ class Beside:
 
     def and_(self, columns: Array) -> Beside:
         """Beside further columns (n, k) too."""
-        more = whiten(np.nan_to_num(columns), self.ar, self.search.rows, self.weight)
+        more = whiten(columns, self.ar, self.search.rows, self.weight)
         return replace(self, X=np.concatenate([self.X, more], axis=1))
 
     def products(self, columns: Array) -> tuple[Array, Array]:
         """Inner products (k, k) of columns (n, k), and of these with the residual, beside what else acts."""
-        white = whiten(np.nan_to_num(columns), self.ar, self.search.rows, self.weight)
+        white = whiten(columns, self.ar, self.search.rows, self.weight)
         across = solve_triangular(self.root, self.X.T @ white, lower=True)
         return white.T @ white - across.T @ across, white.T @ self.y - across.T @ self.onto
 

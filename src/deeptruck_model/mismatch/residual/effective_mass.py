@@ -11,20 +11,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
-from deeptruck_core.arrays import Array
+from deeptruck_core.arrays import Array, Indices
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.expression import Expression, Lag, Signal, lift
 from deeptruck_model.simulators import Simulator, free_run
+from deeptruck_model.trucks.compiled import entry
 
 HELD_UNIT = "m/s^2"  # of a brake command that is a deceleration
 BRAKED = 0.05  # m/s^2: the brake switch
 HOLD_S, ORDER = 0.25, 3  # valves, and the controller that holds the deceleration: lags in a row
-FORGOTTEN = 40.0  # time constants after which nothing is left of a force
 RELEASED_S = 1.0  # for which such brakes still compensate a force after the pedal is let go
 ASKED, ASKED_AT, ASKED_S = 1.5, 15.0, 3.0  # m/s^2, from m/s, for s
 ASKED_MORE = 0.005  # of rolling resistance or slope
@@ -48,7 +47,8 @@ class WithEffectiveMass(Expression):
         force, gain, holds, made_up = values
         if not holds.any():
             return force * gain
-        return force * gain + made_up * force - holds * _late(holds * force, e)
+        late = _late(holds * force, np.array([s.start for s in e.drives]), float(np.exp(-e.dt / HOLD_S)))
+        return force * gain + made_up * force - holds * late
 
     def begin(self, batch: int) -> Any:
         return np.zeros((ORDER, batch))
@@ -63,14 +63,19 @@ class WithEffectiveMass(Expression):
         return force * gain + made_up * force - holds * late, after
 
 
-def _late(held_force: Array, e: Evidence) -> Array:
-    """The part of a force that brakes have compensated while they hold, (n,); restarted in each recording."""
-    keep = float(np.exp(-e.dt / HOLD_S))
-    apart = np.zeros(round(FORGOTTEN * HOLD_S / e.dt) + 1)
-    parts = [part for s in e.drives for part in (held_force[s.rows], apart)]
-    late = lfilter([(1.0 - keep) ** ORDER], np.poly([keep] * ORDER), np.concatenate(parts))
-    inside = np.concatenate([np.full(len(part), part is not apart) for part in parts])
-    out: Array = late[inside]
+@entry
+def _late(held_force: Array, starts: Indices, keep: float) -> Array:
+    """The part of a force that brakes have compensated while they hold, (n,); restarted in each recording, at
+    one of `starts`."""
+    out, memory, following = np.empty_like(held_force), np.zeros(ORDER), 0
+    for i in range(len(held_force)):
+        if following < len(starts) and i == starts[following]:
+            memory[:] = 0.0
+            following += 1
+        late = held_force[i]
+        for k in range(ORDER):
+            late = memory[k] = keep * memory[k] + (1.0 - keep) * late
+        out[i] = late
     return out
 
 
