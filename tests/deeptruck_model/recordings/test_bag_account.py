@@ -32,7 +32,6 @@ def folder() -> Iterator[Path]:
 
 def account_of(bag: Path) -> Account:
     (account,) = {id(r.account): r.account for r in read(bag, topic_map=TOPICS)}.values()
-    assert account is not None
     assert account.balanced
     return account
 

@@ -68,7 +68,6 @@ def beside_each_other(recordings: list[Recording]) -> None:
 
 
 def remark(recordings: list[Recording]) -> str:
-    assert recordings[0].account is not None
     return next((line for line in recordings[0].account.remarks if "clocks" in line), "")
 
 

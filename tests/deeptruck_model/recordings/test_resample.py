@@ -444,5 +444,4 @@ def test_an_engine_that_turns_slower_than_idling_is_remarked(unit_in_rad_s: floa
         "engine_command": Series(time, np.full(len(time), 500.0)),
     }
     account = uniform(series, name="drive", interface=TruckInterface("t"))[0].account
-    assert account is not None
     assert sum("is it in rad/s" in remark for remark in account.remarks) == remarks

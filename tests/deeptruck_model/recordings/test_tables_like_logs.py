@@ -180,7 +180,6 @@ def test_words_for_states(tmp_path: Path) -> None:
         meaning = with_channels(brake_switch={"column": switch}, gear={"column": "gear"})
         (r,) = import_table(path, meaning, tmp_path / switch).recordings
         np.testing.assert_array_equal(r.channels["brake_switch"], pressed)
-        assert r.account is not None
         (aside,) = r.account.channels["gear"].aside.items()
         assert aside[0] == "no number" and aside[1].count == 550 and "'D'" in aside[1].first
         assert (r.channels["gear"][:50] == 0).all()

@@ -66,7 +66,6 @@ def test_an_acceleration_across_a_jump_is_counted(tmp_path: Path) -> None:
     columns = drive(1200)
     columns["v"][600:] += 40.0
     (r,) = import_table(write_csv(tmp_path / "d.csv", columns), COLUMNS, tmp_path / "bag").recordings
-    assert r.account is not None
     (aside,) = r.account.channels["acceleration"].aside.items()
     assert "jumps faster than any truck" in aside[0] and aside[1].count == 1
 

@@ -98,7 +98,6 @@ def test_tilt_and_gravity_are_found_by_the_grade() -> None:
     grade, tilt = 0.04 * np.sin(T / 23), np.radians(2.0)
     felt = A * np.cos(tilt) + 9.80665 * np.sin(np.arctan(grade) + tilt)
     found = accelerometer.accelerometer([recording(acceleration=felt, grade=grade)])
-    assert found is not None
     assert found.gravity == pytest.approx(1.0, abs=0.02)
     assert np.degrees(np.arcsin(found.offset / 9.80665)) == pytest.approx(2.0, abs=0.05)
     assert found.slope == pytest.approx(1.0, abs=0.02)

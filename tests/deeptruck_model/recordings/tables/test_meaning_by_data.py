@@ -162,7 +162,6 @@ def test_zero_while_positions_move_on_is_no_speed(tmp_path: Path) -> None:
     places = {n: {"column": n[:3], "unit": "deg"} for n in ("latitude", "longitude")}
     found = import_table(write_csv(tmp_path / "drive.csv", rows), with_channels(**places), tmp_path / "bag")
     account = found.recordings[0].account
-    assert account is not None
     assert account.channels["speed"].aside["zero while positions move on"].count == 120
     assert [round(r.start_s) for r in found.recordings] == [0, 220]
 
