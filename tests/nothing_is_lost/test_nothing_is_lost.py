@@ -36,19 +36,8 @@ def users(draw: st.DrawFn, edits: bool) -> list[tuple[str, str]]:
     """Where something of the user's lies, relative to the folder beside `out`, and what it is."""
     inside = st.sampled_from(FOREIGN)
     shapes = st.sampled_from((*SHAPES, "in our place") if edits else SHAPES)
-    beside = st.sampled_from(
-        (
-            "notes.txt",
-            "out.txt",
-            "out.old/a",
-            "out.new/a",
-            "out.unfinished/a",
-            ".out.unfinished",
-            ".out",
-            "out",
-            ".a.tmp",
-        )
-    )
+    names = "notes.txt out.txt out.old/a out.new/a out.unfinished/a .out.unfinished .out out .a.tmp"
+    beside = st.sampled_from(names.split())
     folder = st.sampled_from(("out", "out", ".out.unfinished"))
     path = st.one_of(st.tuples(folder, inside).map("/".join), beside)
     return draw(st.lists(st.tuples(path, shapes), max_size=3))

@@ -70,16 +70,8 @@ def graph(small_disk: bool = False) -> Iterator[Graph]:
     channel = f"{os.getpid()}-{time.monotonic_ns()}"
     vehicle, witness = vehicles.load(VEHICLE), can.Bus(interface="loopback", channel=channel)
     with tempfile.TemporaryDirectory() as scratch:
-        options = [
-            "--vehicle",
-            VEHICLE,
-            "--policy",
-            "baseline:acc",
-            "--channel",
-            channel,
-            "--emulator",
-            "--engage",
-        ]
+        options = ["--vehicle", VEHICLE, "--emulator", "--engage", "--channel", channel]
+        options += ["--policy", "baseline:acc"]
         script = [sys.executable, str(ROOT / "ros2_ws" / "start_vehicle.py"), *options]
         script += ["--record", f"{scratch}/bag", "--runs", f"{scratch}/runs"]
         if small_disk:

@@ -235,16 +235,9 @@ def content(bag: Path) -> list[tuple[str, int, bytes]]:
 def test_the_same_seed_gives_the_same_bag(start: Callable[..., Any], tmp_path: Path) -> None:
     bags = []
     for name in ("one", "two"):
-        words = (
-            "--leader",
-            "sumo:motorway,seed=3",
-            "--lockstep",
-            "--duration",
-            10,
-            "--record",
-            tmp_path / name,
-        )
-        code, _, errors = start("start_simulation.py", *TRUCK, *words, runs=f"runs-{name}").finish()
+        words = ("--leader", "sumo:motorway,seed=3", "--lockstep", "--duration", 10)
+        run = start("start_simulation.py", *TRUCK, *words, "--record", tmp_path / name, runs=f"runs-{name}")
+        code, _, errors = run.finish()
         assert (code, errors) == (0, "")
         bags.append(content(tmp_path / name))
     assert bags[0] == bags[1]

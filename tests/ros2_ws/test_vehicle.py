@@ -38,17 +38,8 @@ def sent_by_bridge(bus: can.BusABC, seconds: float) -> list[int]:
 
 def test_closed_loop_over_can(start: Callable[..., Any], domain: int, tmp_path: Path) -> None:
     channel = f"test-{domain}"
-    options = (
-        "--vehicle",
-        "trucksim",
-        "--policy",
-        "baseline:acc",
-        "--channel",
-        channel,
-        "--emulator",
-        "--engage",
-    )
-    run = start("start_vehicle.py", *options, "--record", tmp_path / "bag")
+    truck = ("--vehicle", "trucksim", "--emulator", "--engage", "--channel", channel)
+    run = start("start_vehicle.py", *truck, "--policy", "baseline:acc", "--record", tmp_path / "bag")
     run.wait_until_ready()
     bus = open_bus("loopback", channel)
     try:
@@ -101,16 +92,7 @@ def test_a_controller_that_never_hears_that_it_drives_drives_no_further(domain: 
     channel = f"test-{domain}"
     environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(tmp_path)}
     ros = ["--ros-args", "-p", f"channel:={channel}", "-p", "engage:=true"]
-    truck = [
-        "-m",
-        "truck_bridge.emulator",
-        "--vehicle",
-        "trucksim",
-        "--channel",
-        channel,
-        "--speed",
-        "20",
-    ]
+    truck = ["-m", "truck_bridge.emulator", "--vehicle", "trucksim", "--speed", "20", "--channel", channel]
     deaf = str(Path(__file__).with_name("deaf_controller.py"))
     bus = open_bus("loopback", channel)
     processes = []

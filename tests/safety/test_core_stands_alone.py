@@ -18,7 +18,7 @@ FOLDER = Path(safety.__file__).parent
 MAY_IMPORT = {"__future__", "collections", "collections.abc", "dataclasses", "enum", "math"}
 HERE = Path(__file__).parent
 RESULT = HERE.parents[1] / "docs" / "results" / "bridge_mutation.md"
-TESTS = (
+TESTS = [
     "motion",
     "hearing",
     "demands",
@@ -29,7 +29,7 @@ TESTS = (
     "losing",
     "arming",
     "stopping",
-)
+]
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)

@@ -38,15 +38,10 @@ def test_every_signal_of_every_vehicle_is_in_the_table(name):
 @pytest.mark.parametrize(
     "fault",
     [
-        "nothing",
-        "speed drift",
-        "engine_speed freeze",
-        "radar future",
-        "radar late",
-        "a stranger demands",
+        "nothing", "speed drift", "engine_speed freeze", "radar future", "radar late", "a stranger demands",
         "the driver brakes unseen",
     ],
-)
+)  # fmt: skip
 def test_no_fault_breaks_what_must_hold(fault):
     assert fault_road.play(20, fault, traffic="steady").broken == ()
 

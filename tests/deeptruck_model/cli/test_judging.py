@@ -58,22 +58,16 @@ def test_calibrating_keeps_card_and_metrics_and_says_by_what(
     assert after.split("## Limits")[1] == before.split("## Limits")[1]
 
 
-def test_a_card_of_an_older_version_gets_the_chapter(
+def test_a_card_of_an_older_version_gets_the_chapter_and_of_its_own_recordings_is_warned(
     script: Script, simulator: Path, monday: Path, tmp_path: Path
 ) -> None:
     (simulator / "MODEL_CARD.md").write_text("# Deep truck: old\n")
     (simulator / "metrics.json").unlink()
-    assert script("calibrate", simulator, monday, "--out", tmp_path / "calibrated")[0] == 0
-    card = (tmp_path / "calibrated" / "MODEL_CARD.md").read_text()
-    assert card.startswith("# Deep truck: old\n\n## Intervals\n\nThe 90 % intervals were set by")
-
-
-def test_calibrating_on_what_it_was_trained_on_is_warned_of(
-    script: Script, simulator: Path, monday: Path, tmp_path: Path
-) -> None:
     code, _, errors = script("calibrate", simulator, monday, "--out", tmp_path / "calibrated")
     assert code == 0
     assert "warning: the truck was trained on monday: intervals that it sets come out too narrow" in errors
+    card = (tmp_path / "calibrated" / "MODEL_CARD.md").read_text()
+    assert card.startswith("# Deep truck: old\n\n## Intervals\n\nThe 90 % intervals were set by")
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -90,16 +84,8 @@ def test_overlapping_runs_are_noted(
 def test_enough_of_the_same_driving_is_not_remarked_on(
     script: Script, simulator: Path, bag: Callable[..., Path], tmp_path: Path
 ) -> None:
-    words = (
-        "evaluate",
-        simulator,
-        bag("same", 600.0, seed=8),
-        "--out",
-        tmp_path / "open_loop",
-        "--trials",
-        10,
-    )
-    code, _, errors = script(*words)
+    same, out = bag("same", 600.0, seed=8), tmp_path / "open_loop"
+    code, _, errors = script("evaluate", simulator, same, "--out", out, "--trials", 10)
     held = json.loads((tmp_path / "open_loop" / "metrics.json").read_text())
     assert code == 0 and "overlap" not in errors and "another truck" not in errors, held
 
@@ -112,7 +98,6 @@ def test_an_evaluation_is_replaced_when_asked_only(
     assert script(*words, 20)[0] == 0
     code, _, errors = script(*words, "inf")
     assert code == 2 and errors.count("\n") == 1 and "holds an evaluation already" in errors
-    assert "holds an evaluation already" in errors
     code, _, errors = script(*words, 5000, "--overwrite")
     assert code == 0 and "is 5000 s long: the runs are 599.9 s" in errors
 

@@ -183,16 +183,9 @@ def test_directory_is_complete(drive, small, tmp_path):
     train([drive(200)], tmp_path / "sim", replace(small, updates=30))
     names = {p.name for p in (tmp_path / "sim").iterdir()}
     assert names == {
-        "simulator.json",
-        "model.safetensors",
-        "coverage.json",
-        "driven.safetensors",
-        "metrics.json",
-        "MODEL_CARD.md",
-        "reference.safetensors",
-        "tensorboard",
-        ".deeptruck.json",
-    }
+        "simulator.json", "model.safetensors", "coverage.json", "driven.safetensors", "metrics.json",
+        "MODEL_CARD.md", "reference.safetensors", "tensorboard", ".deeptruck.json",
+    }  # fmt: skip
     card = (tmp_path / "sim" / "MODEL_CARD.md").read_text()
     assert "| engine_command | N m | input |" in card and "Limits" in card
     assert json.loads((tmp_path / "sim" / "metrics.json").read_text())["trials"] == 90

@@ -28,15 +28,22 @@ class Counter:
         """Nothing to end."""
 
 
-@pytest.mark.parametrize(("only_once", "most"), [(True, 1), (False, FEWEST)])
-def test_an_fmu_that_allows_one_instance_gets_one(only_once: bool, most: int) -> None:
+def counted(
+    kind: type[Counter], *, can_save: bool = False, only_once: bool = False
+) -> tuple[Instances, list[Counter]]:
+    """Instances of this kind, and all that were made."""
     made: list[Counter] = []
 
     def new() -> Instance:
-        made.append(Counter())
+        made.append(kind())
         return cast(Instance, made[-1])
 
-    instances = Instances(new, can_save=False, only_once=only_once)
+    return Instances(new, can_save=can_save, only_once=only_once), made
+
+
+@pytest.mark.parametrize(("only_once", "most"), [(True, 1), (False, FEWEST)])
+def test_an_fmu_that_allows_one_instance_gets_one(only_once: bool, most: int) -> None:
+    instances, made = counted(Counter, only_once=only_once)
     drives = [Drive(()) for _ in range(FEWEST + 2)]
     for drive in drives:
         instances.begin(drive)
@@ -47,13 +54,7 @@ def test_an_fmu_that_allows_one_instance_gets_one(only_once: bool, most: int) ->
 
 
 def test_the_instance_longest_unused_is_taken_from_its_drive() -> None:
-    made: list[Counter] = []
-
-    def new() -> Instance:
-        made.append(Counter())
-        return cast(Instance, made[-1])
-
-    instances = Instances(new, can_save=False, only_once=False)
+    instances, made = counted(Counter)
     drives = [Drive(()) for _ in range(FEWEST + 2)]
     for drive in drives:
         instances.begin(drive)
@@ -76,13 +77,7 @@ class Saving(Counter):
 
 
 def test_an_instance_goes_back_to_a_state_from_before_though_it_saved_later_ones() -> None:
-    made: list[Saving] = []
-
-    def new() -> Instance:
-        made.append(Saving())
-        return cast(Instance, made[-1])
-
-    instances = Instances(new, can_save=True, only_once=False)
+    instances, made = counted(Saving, can_save=True)
     drive = Drive(())
     instances.begin(drive)
     for length in range(SAVE_EVERY + 2):
