@@ -136,10 +136,3 @@ def test_ragged_rows_are_counted_on_the_terminal_and_in_the_bag(workplace: Path,
     printed = said.splitlines()
     assert code == 0 and "drive.csv: 103 rows read, 101 used, 2 set aside" in printed
     assert all(f"  {line}" in printed and line in read(workplace / "bag")[0].notes for line in says)
-
-
-def test_a_bag_is_replaced_when_asked_only(workplace: Path, script: Script) -> None:
-    assert script(*IMPORT)[0] == 0
-    code, _, errors = script(*IMPORT)
-    assert code == 2 and "holds an imported bag already" in errors
-    assert script(*IMPORT, "--overwrite")[0] == 0

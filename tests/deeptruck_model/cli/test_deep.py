@@ -65,16 +65,6 @@ def test_an_unfinished_training_goes_on(script: Script, monday: Path, killed: Pa
     assert [p.name for p in killed.parent.iterdir()] == ["sim"]
 
 
-def test_a_finished_simulator_is_replaced_when_asked_only(
-    script: Script, monday: Path, tmp_path: Path
-) -> None:
-    words = ("train", monday, "--out", tmp_path / "sim", "--budget", 4)
-    assert script(*words)[0] == 0
-    code, _, errors = script(*words)
-    assert code == 2 and "holds a deep truck already; choose another --out, or add --overwrite" in errors
-    assert script(*words, "--overwrite")[0] == 0
-
-
 @pytest.mark.parametrize(
     ("words", "says"),
     [

@@ -91,14 +91,13 @@ def test_enough_of_the_same_driving_is_not_remarked_on(
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_an_evaluation_is_replaced_when_asked_only(
+def test_a_horizon_that_no_drive_has_is_said(
     script: Script, simulator: Path, monday: Path, tmp_path: Path
 ) -> None:
     words = ("evaluate", simulator, monday, "--out", tmp_path / "open_loop", "--trials", 5, "--horizon")
-    assert script(*words, 20)[0] == 0
     code, _, errors = script(*words, "inf")
-    assert code == 2 and errors.count("\n") == 1 and "holds an evaluation already" in errors
-    code, _, errors = script(*words, 5000, "--overwrite")
+    assert code == 2 and "a horizon of inf s is none" in errors
+    code, _, errors = script(*words, 5000)
     assert code == 0 and "is 5000 s long: the runs are 599.9 s" in errors
 
 

@@ -83,19 +83,15 @@ def headline(v: Verdict) -> str:
 
 def _together(v: Verdict) -> str:
     """The parameters, two or more, that are all an offered correction changes; empty if it adds a force, or a
-    mechanism is the main finding."""
-    if (
-        v.fit is None
-        or v.offered != CORRECTION
-        or v.kind not in (Conclusion.PARAMETER, Conclusion.UNDETERMINED)
-    ):
+    name is stated."""
+    if v.fit is None or v.offered != CORRECTION or any(f.stated == f.effect for f in v.findings):
         return ""
+    forces = any(x.value for x in v.fit.corrected_forces.values())
     changed = [
         f"{spoken(n)} ({100.0 * x:+.0f} %)"
         for n, x in v.fit.corrected_parameters.items()
         if abs(x) >= WORTH_SAYING
     ]
-    forces = any(x.value for x in v.fit.corrected_forces.values())
     return "" if forces or len(changed) < 2 else f"{', '.join(changed[:-1])} and {changed[-1]}"
 
 

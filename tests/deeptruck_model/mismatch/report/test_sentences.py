@@ -94,7 +94,7 @@ def test_sizes_follow_the_first_line() -> None:
 
 
 def test_parameters_that_are_wrong_together_are_the_first_line() -> None:
-    """Also where no single name is accepted; not where the correction adds a force."""
+    """Where no single name is stated and the correction adds no force."""
     fit = FitResult(
         ("d",), 40.0, 3, ("mass", "drag_area"), validated=True, offered=CORRECTION,
         corrected_parameters={"mass": 0.101, "drag_area": 0.19, "torque_gain": 0.002},
@@ -105,6 +105,8 @@ def test_parameters_that_are_wrong_together_are_the_first_line() -> None:
     )
     wind = {"headwind": Strength(-310.0, "N", one_way=True, share_of_time=0.8)}
     assert "together" not in lines.headline(replace(v, fit=replace(fit, corrected_forces=wind)))
+    stated = replace(PAYLOAD, kind=Kind.PARAMETER, effect="mass", stated="mass")
+    assert "together" not in lines.headline(replace(v, kind=Conclusion.PARAMETER, findings=(stated,)))
 
 
 def test_a_parameter_that_hardly_matters_is_said_with_what_it_makes_at_high_speed() -> None:
