@@ -73,6 +73,8 @@ def test_repair(workplace: Path, script: Script) -> None:
         code, said, _ = script("repair", "bag")
         assert code == 0 and says in said
     writer.close()
+    code, _, errors = script("repair", "nowhere")
+    assert code == 2 and errors.startswith("deeptruck-model: ") and errors.count("\n") == 1
 
 
 def test_a_bag_that_keeps_no_message_is_not_repaired(workplace: Path, script: Script) -> None:
@@ -85,24 +87,6 @@ def test_a_bag_that_keeps_no_message_is_not_repaired(workplace: Path, script: Sc
     assert code == 2 and errors.count("\n") == 1
     assert "bag_0.mcap holds no whole chunk of messages in its 100 bytes" in errors
     assert {path: path.read_bytes() for path in (workplace / "bag").iterdir()} == before
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ("import", "nowhere.csv", *IMPORT[2:]),
-        ("import", "drive.csv", "--columns", "nowhere.yaml", "--out", "bag"),
-        ("coverage", "drive.csv", "--out", "coverage"),
-        ("coverage", "nowhere", "--out", "coverage"),
-        ("repair", "nowhere"),
-    ],
-)
-def test_bad_input_is_one_line_and_code_2(
-    workplace: Path, script: Script, arguments: tuple[str, ...]
-) -> None:
-    code, _, errors = script(*arguments)
-    assert code == 2 and errors.startswith("deeptruck-model: ") and errors.count("\n") == 1
-    assert {p.name for p in workplace.iterdir()} == {"drive.csv", "columns.yaml"}
 
 
 @pytest.mark.parametrize(
