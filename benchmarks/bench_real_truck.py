@@ -1,5 +1,5 @@
 """A real truck, `veh002`: free runs on the second half of its log, compared with least squares. With
---every-log a table of all real logs: what import makes of each, and what a generic vehicle lacks.
+--every-log a table of all real logs: what import makes of each.
 
 The logs (docs/recordings.md) are no part of this project: put them under ../shared/data or the folder in
 DEEPTRUCK_REAL_DATA. Of veh002 settings, and the delay of the fuel's stamps, were chosen inside the first
@@ -13,21 +13,17 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import tempfile
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import harness
 import numpy as np
 
-from deeptruck_core.constants import AIR_DENSITY, GRAVITY
-from deeptruck_core.errors import InputError
-from deeptruck_core.signals import TruckInterface
 from deeptruck_model.deep import Arguments, DeepTruck, train
 from deeptruck_model.deep.data import common_interface, cut, unexplained
-from deeptruck_model.mismatch import find_mismatch
-from deeptruck_model.recordings import Recording, import_table, split
+from deeptruck_model.recordings import Recording, import_table
+from deeptruck_model.recordings.consistency.sensors import doubts
 
 LOG = harness.DATA / "vt_heavy_truck" / "veh002_all.csv"
 COLUMNS = harness.ROOT / "layouts" / "columns" / "veh002.yaml"
@@ -114,48 +110,9 @@ def rms(error: Array) -> float:
 
 
 LAYOUTS = {"bmw_i3": "bmw_i3", "fhwa_pav": "fhwa_pav", "openacc": "openacc", "vt_heavy_truck": "veh002"}
-
-
-@dataclass(frozen=True)
-class Generic:
-    """A vehicle of nobody's: traction by its command, drag, rolling resistance, slope; brakes where there are
-    commands of them. A fuel rate gives power."""
-
-    interface: TruckInterface
-    body: Mapping[str, float]
-    dt: float
-
-    def reset(self, y0: Array) -> Array:
-        return y0[:, 1].copy()
-
-    def step(self, state: Array, u: Array, w: Array) -> tuple[Array, Array]:
-        b, engine = self.body, u[:, 0]
-        pull = engine / np.maximum(state, 3.0) if self.interface.engine_unit == "g/s" else engine
-        force = b["torque_gain"] * PULLS[self.interface.engine_unit] * pull
-        force = force - 0.5 * AIR_DENSITY * b["drag_area"] * state**2
-        slope = w[:, 0] if w.shape[1] else 0.0
-        speed = state + self.dt * (force / b["mass"] - GRAVITY * (b["rolling_resistance"] + slope))
-        speed = np.maximum(speed, 0.0)
-        return speed, np.stack([(speed - state) / self.dt, speed], axis=1)
-
-    def force(self, state: Array, y: Array) -> Array:
-        return np.where(np.isnan(y[:, 1]), state, y[:, 1])
-
-    def parameters(self) -> dict[str, float]:
-        return dict(self.body)
-
-    def with_parameters(self, values: Mapping[str, float]) -> Generic:
-        return replace(self, body={**self.body, **values})
-
-
-TRUCK = {"mass": 25000.0, "drag_area": 6.0, "rolling_resistance": 0.006, "torque_gain": 1.0}
-CAR = {"mass": 1400.0, "drag_area": 0.65, "rolling_resistance": 0.01, "torque_gain": 1.0}
-# W of 1 g/s of diesel at 40 % efficiency; N of 1 N m of an electric motor through 9.7 and a wheel of 0.35 m
-LOOKED_AT_S = 900.0
-PULLS = {"g/s": 0.4 * 42.7e3, "N m": 9.7 / 0.35}
+NOT_LISTED = ("speed", "latitude", "longitude", "ambient_temperature", "brake_switch")
 EVERY_LOG = (
-    "log | by | min | pieces | rows, of them set aside | channels | what a generic vehicle lacks | "
-    "speed error, m/s"
+    "log | `--columns` | min | pieces | read | set aside: rows | samples | channels besides speed | doubts"
 )
 
 
@@ -166,45 +123,22 @@ def of_logs() -> Iterator[str]:
             layout = LAYOUTS.get(path.parent.name)
             columns: Any = harness.ROOT / "layouts" / "columns" / f"{layout}.yaml" if layout else {}
             got = import_table(path, columns, Path(folder) / path.stem).recordings
-            minutes = sum(len(r) * r.dt for r in got) / 60.0
-            count = got[0].account.total if got[0].account else None
-            channels = ", ".join(c.replace("_", " ") for c in got[0].channels if c in SHOWN)
-            rows = f"{count.read:,}, {count.left_out}" if count else "-"
-            by = f"`--columns {layout}.yaml`" if layout else "as it is"
-            cells = [f"{path.parent.name}/{path.name}", by, f"{minutes:.1f}", f"{len(got)}", rows, channels]
-            yield " | ".join([*cells, *by_generic(got)])
-            print(cells[0], flush=True)
-
-
-SHOWN = (
-    "engine_command",
-    "brake_command",
-    "acceleration",
-    "grade",
-    "gear",
-    "engine_speed",
-    "elevation",
-    "gap",
-)
-
-
-def by_generic(got: list[Recording]) -> tuple[str, str]:
-    """The first line about a generic vehicle, and its speed errors as given and as offered."""
-    i = got[0].interface
-    if i.engine_unit not in PULLS or not any("engine_command" in r.channels for r in got):
-        return "no command of a unit that it takes", "-"
-    simulator = Generic(
-        replace(i, brake_unit=None, fuel=False), CAR if i.vehicle == "car" else TRUCK, got[0].dt
-    )
-    share = min(1.0, LOOKED_AT_S / sum(len(r) * r.dt for r in got))
-    try:
-        v = find_mismatch(simulator, split(got, (share, 1.0 - share, 0.0))[0], say=lambda step: None).verdict
-    except InputError as error:
-        return str(error).partition(";")[0], "-"
-    fit = v["fit"]
-    offered = {"as_given": "before", "parameters_only": "parameters_only"}.get(fit.get("offered"), "after")
-    errors = [(fit.get(part) or {}).get("speed_rmse") for part in ("before", offered)]
-    return v["headline"].partition(": ")[0], " -> ".join("-" if x is None else f"{x:.2f}" for x in errors)
+            account = got[0].account
+            assert account is not None  # import counts what it reads
+            samples = sum(one.left_out for one in account.channels.values())
+            named = [c for c in got[0].channels if not c.endswith("lamp") and "fault" not in c]
+            cells = [
+                f"{path.parent.name}/{path.name}",
+                f"{layout}.yaml" if layout else "none",
+                f"{sum(len(r) * r.dt for r in got) / 60.0:.1f}",
+                f"{len(got)}",
+                f"{account.total.read:,} {account.items}",
+                f"{account.total.left_out}",
+                f"{samples}",
+                ", ".join(c.replace("_", " ") for c in named if c not in NOT_LISTED),
+                "; ".join(one.says for one in doubts(got)) or "none",
+            ]
+            yield " | ".join(cells)
 
 
 def main() -> None:
@@ -227,10 +161,9 @@ def main() -> None:
     harness.store("real_truck", [*lines, "", BELOW.format(share=100 * share)])
 
 
-OF_LOGS = """The logs of [recordings](../recordings.md), which are no part of this project: what
-`deeptruck-model import LOG` makes of each, and what `mismatch` says of its first 15 minutes with a vehicle
-that is none of these: a truck of 25 t or a car of 1.4 t, a straight line from command to force. Speed error:
-free runs along the last 30 % of these minutes, as given, and with what is offered."""
+OF_LOGS = """The logs of [recordings](../recordings.md), which are no part of this project, as
+`deeptruck-model import` takes them: with a file of `layouts/columns`, or as they are. Import counts what it sets
+aside with the reason. Doubts: channels that contradict one another."""
 HEADS = " | 15 s: rms | median | pulling: rms | 60 s: rms | median | pulling: rms"
 ABOVE = """A heavy diesel on the road, 1 Hz, fuel rate as engine command, grade
 from the elevation. The first half of the log trains. Free runs on the second start every 20 s wherever
