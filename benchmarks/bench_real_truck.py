@@ -162,8 +162,8 @@ def main() -> None:
 
 
 OF_LOGS = """The logs of [recordings](../recordings.md), which are no part of this project, as
-`deeptruck-model import` takes them: with a file of `layouts/columns`, or as they are. Import counts what it sets
-aside with the reason. Doubts: channels that contradict one another."""
+`deeptruck-model import` takes them: with a file of `layouts/columns`, or as they are. Import counts what it
+sets aside with the reason. Doubts: channels that contradict one another."""
 HEADS = " | 15 s: rms | median | pulling: rms | 60 s: rms | median | pulling: rms"
 ABOVE = """A heavy diesel on the road, 1 Hz, fuel rate as engine command, grade
 from the elevation. The first half of the log trains. Free runs on the second start every 20 s wherever
