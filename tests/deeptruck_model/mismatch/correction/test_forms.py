@@ -1,4 +1,4 @@
-"""The correction: few forms that stand for a mean force, and what drives best."""
+"""Few forms that stand for a mean force."""
 
 from __future__ import annotations
 
@@ -16,25 +16,14 @@ from deeptruck_model.mismatch.correction.forms import (
     nameless_terms,
     simplest_terms,
 )
-from deeptruck_model.mismatch.correction.model import (
-    Recipe,
-    _best,
-    _folds,
-    _left_out,
-    _needless,
-    _nested,
-    _pruned,
-    _rms,
-    _subsets,
-)
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
 from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Where
 from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, kernels
-from deeptruck_model.mismatch.posterior.names import Named, Tree, names
+from deeptruck_model.mismatch.posterior.names import names
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.expression import rows_of
-from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.rules import Limits
 
 
 def test_few_forms_stand_for_a_force_that_is_a_sum_of_many() -> None:
@@ -101,59 +90,3 @@ def test_a_name_is_corrected_by_the_force_that_its_draws_have() -> None:
     assert "driveline_loss" not in {
         t.mechanism.effect for t in nameless_terms(p, {"driveline_loss"}, p.search.e)
     }
-
-
-def test_the_error_of_a_drive_is_by_the_recipe_that_the_others_choose() -> None:
-    """A recipe that is best on all by one lucky drive is worse on the others."""
-    errors = [np.array([[x, 1.0] for x in squares]) for squares in ([1.0, 1.0, 1.0], [0.0, 1.2, 1.2])]
-    options = [Recipe(), Recipe(free=frozenset(["mass"]))]
-    assert _best(options, errors, Rules()) == 1
-    np.testing.assert_array_equal(_nested(options, errors, Rules())[:, 0], [1.0, 1.2, 1.2])
-
-
-def test_of_recipes_that_are_nearly_as_good_the_smallest_is_taken() -> None:
-    options = [Recipe(free=frozenset(x)) for x in ((), ("mass", "drag_area"), ("mass",))]
-    errors = [np.array([[x, 1.0]]) for x in (1.0, 0.1, 0.102)]
-    assert _best(options, errors, Rules()) == 2
-    tiny = [e * (0.1 * Limits.speed_noise) ** 2 for e in errors]
-    assert _best(options, tiny, Rules()) == 0
-
-
-def test_a_part_that_other_drives_do_not_need_is_left_out() -> None:
-    e = evidence(noise=0.01)
-    folds = _folds(replace(e, residual=e.residual - 0.2 * e["engine"]))
-    whole = Recipe((), frozenset(["torque_gain", "brake_gain"]))
-    *_, (least, errors) = _pruned(folds, whole, {"brake_gain": 0.2, "torque_gain": 0.9}.__getitem__, Rules())
-    assert least.free == {"torque_gain"}
-    assert _rms(errors) <= _rms(_left_out(folds, whole)) / Rules().better
-    names = ("torque_gain", "brake_gain", "turbo_lag", "headwind")
-    found = [Named(n, Tree({n: 0.7}), 9.0, np.zeros(N)) for n in names]
-    assert _needless(folds, whole, found, 0.9) == {"brake_gain", "turbo_lag"}  # this of the engine too
-    assert _needless(folds, whole, found, 0.6) == {"brake_gain"}
-    assert _needless(folds, Recipe((), frozenset(["brake_gain"])), found[1:2], 0.9) == set()  # a first one
-
-
-def test_every_set_of_parameters_is_a_recipe() -> None:
-    """The fewest that explain the error: here the pair."""
-    e = evidence(noise=0.003)
-    off = 0.2 * e.sensitivity["torque_gain"] + 0.3 * e.sensitivity["brake_gain"]
-    made = list(_subsets(_folds(replace(e, residual=e.residual + off)), sorted(e.sensitivity)))
-    assert len({recipe.free for recipe, _ in made}) == 2 ** len(e.sensitivity) - 1
-    options, errors = zip(*made, strict=True)
-    assert options[_best(options, errors, Rules())].free == {"torque_gain", "brake_gain"}
-
-
-def test_every_fitted_drive_is_driven_by_what_was_fitted_to_others() -> None:
-    """A factor of the engine's force in all drives but the last is not what drives the last one best."""
-    e = evidence(noise=0.003)
-    last = np.arange(N) >= 2 * N // 3
-    e = replace(e, residual=e.residual + np.where(last, -0.1, 0.1) * e["engine"])
-    folds = _folds(e)
-    assert [np.unique(e.record[f.left_out]).tolist() for f in folds] == [[0], [1], [2]]
-    none, free = (_left_out(folds, Recipe((), frozenset(x))) for x in ((), ("torque_gain",)))
-    assert none.shape == free.shape == (3, 2)
-    given, fitted = (np.sqrt(x[:, 0] / x[:, 1]) for x in (none, free))
-    speed = np.cumsum(e.residual[: round(Limits.horizons_s[0] / e.dt)]) * e.dt
-    assert 0.3 * np.abs(speed[-1]) < given[0] < np.abs(speed[-1])
-    assert fitted[2] > 1.5 * given[2]
-    assert _rms(none) == pytest.approx(float(np.sqrt(np.mean(given**2))), rel=0.05)
