@@ -37,13 +37,7 @@ CARRIERS = {
     "simulated": 0.1,
 }  # share of each that no name explains
 ALL_THE_TIME = 0.05  # m/s^2, and a force that acts always
-STATES = (
-    "speed",
-    "grade",
-    "engine",
-    "elapsed",
-    "ratio",
-)  # of which the error of a law is a function, times its force
+STATES = ("speed", "grade", "engine", "elapsed", "ratio")  # whose functions times its force a law is off by
 VARIABLES = (*STATES, "brake")  # of which the shares are functions
 CHUNK = 4096  # rows that are multiplied at once
 TINY = 1e-7  # of the largest power: a direction that has less is rounding
@@ -111,19 +105,9 @@ def narrow(
 def _kernels(search: Regression) -> tuple[Kernel, ...]:
     off = _factors(search)
     found = [k for m in search.library for k in _of_terms(search, candidate_terms(m, search.e), off)]
-    parameters = [
-        Kernel(
-            p,
-            search.e.sensitivity[p][:, None] * FREE[p],
-            part="parameter",
-        )
-        for p in search.parameters
-    ]
-    return (
-        *found,
-        Kernel(UNKNOWN, _thin(_anything(search), search, UNNAMED), chance=Limits.nameless),
-        *parameters,
-    )
+    unknown = Kernel(UNKNOWN, _thin(_anything(search), search, UNNAMED), chance=Limits.nameless)
+    sensitivity = {p: search.e.sensitivity[p][:, None] * FREE[p] for p in search.parameters}
+    return (*found, unknown, *(Kernel(p, x, part="parameter") for p, x in sensitivity.items()))
 
 
 def _of_terms(search: Regression, terms: Sequence[CandidateTerm], off: Array) -> list[Kernel]:
@@ -174,12 +158,8 @@ def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int) -> Ke
         features[:, end - t.columns.shape[1] : end] = t.columns * np.sqrt(power[key])
     signed = all((t.prior.sign > 0).all() for t in terms)
     mechanism = terms[0].mechanism
-    return Kernel(
-        mechanism.effect,
-        _thin(features, search, most),
-        typical if signed else None,
-        mechanism.chance(search.e),
-    )
+    sign = typical if signed else None
+    return Kernel(mechanism.effect, _thin(features, search, most), sign, mechanism.chance(search.e))
 
 
 def _thin(features: NDArray[Any], search: Regression, most: int) -> NDArray[Any]:

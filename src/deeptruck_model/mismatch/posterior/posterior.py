@@ -60,7 +60,6 @@ class Posterior:
     mean: Array  # (n,) m/s^2, what the prior means of these are
     noise: Fit
     prior: Prior
-    first: Array  # what each block gains by itself at each size, nats
 
     def lasts(self, name: str) -> NDArray[np.bool_]:
         """The draws (m,) in which a block of this name acts that is not confined to events."""
@@ -109,7 +108,7 @@ class Posterior:
     def gain(self, name: str) -> float:
         """Log evidence of a name's best block alone, averaged over sizes, nats."""
         own = [j for j, k in enumerate(self.of) if k.name == name]
-        return float((logsumexp(self.first[own], axis=1) - np.log(len(SIZES))).max())
+        return float((logsumexp(self.draws.alone[own], axis=1) - np.log(len(SIZES))).max())
 
     def force(self, name: str, given: NDArray[np.bool_] | None = None) -> Array:
         """Posterior mean (n,) of a name's force, m/s^2, over all draws or the given ones."""
@@ -188,7 +187,7 @@ def _drawn(search: Regression, extra: Sequence[Kernel], seed: int, sweeps: int, 
     first = np.arange(always.shape[1])
     draws = sample(blocks, first, search.rules.evidence_temperature, Limits.law_error, seed, sweeps=sweeps)
     at = tuple(blocks.at)
-    return Posterior(search, of, at, draws, always, error.shape[1], mean, noise, prior, draws.alone)
+    return Posterior(search, of, at, draws, always, error.shape[1], mean, noise, prior)
 
 
 def _places_of(always: Array, of: Sequence[Kernel]) -> tuple[NDArray[np.intp], ...]:

@@ -113,7 +113,7 @@ class Reduced:
             self.gram[at] = turn.T @ half[own]
         self.across, self.onto = across @ whole, onto
         self.signed = [
-            None if s is None else turn.T @ s for s, turn in zip(blocks.signed, self.turns, strict=True)
+            NO_SIGN if s is None else turn.T @ s for s, turn in zip(blocks.signed, self.turns, strict=True)
         ]
         self.log_odds = blocks.log_odds
         self._known: dict[State, _Given] = {}
@@ -147,13 +147,12 @@ class Reduced:
             elif not len(own):
                 given.gains[j] = 0.0
             else:
-                given.gains[j] = _with_sign(
-                    *_beside(
-                        self.gram, self.pull, given.inside, given.scale, given.root, given.onto,
-                        own[0], own[-1] + 1, _or_none(self.signed[j]),
-                    ),
-                    self.signed[j],
+                given.gains[j], along = _beside(
+                    self.gram, self.pull, given.inside, given.scale, given.root, given.onto,
+                    own[0], own[-1] + 1, self.signed[j],
                 )  # fmt: skip
+                if len(self.signed[j]):  # of the one sign that its force can have
+                    given.gains[j] += log_ndtr(along) + np.log(2.0)
         out: Array = given.gains[j]
         return out
 
@@ -193,15 +192,6 @@ class Reduced:
 def gains_of(inner: Array, pull: Array) -> Array:
     """Log evidence (sizes,) of a block with these inner products beside what is in."""
     return _of_sizes(inner, pull, NO_SIGN)[0]
-
-
-def _or_none(signed: Array | None) -> Array:
-    return NO_SIGN if signed is None else signed
-
-
-def _with_sign(gains: Array, along: Array, signed: Array | None) -> Array:
-    """Gains (sizes,) of a force of either sign, or of the one sign that it can have."""
-    return gains if signed is None else gains + log_ndtr(along) + np.log(2.0)
 
 
 @entry

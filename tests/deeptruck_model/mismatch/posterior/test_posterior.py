@@ -13,7 +13,6 @@ from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import FELT, FELT_SD
 from deeptruck_model.mismatch.mechanisms.air_tyres_road import HEADWIND
 from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, SLOW
-from deeptruck_model.mismatch.posterior.kernels import kernels
 from deeptruck_model.mismatch.posterior.names import names
 from deeptruck_model.mismatch.posterior.posterior import (
     Posterior,
@@ -22,7 +21,7 @@ from deeptruck_model.mismatch.posterior.posterior import (
     posterior,
     without_roads,
 )
-from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
+from deeptruck_model.mismatch.posterior.regression import Regression, changed_by
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
 
@@ -98,17 +97,6 @@ def test_a_name_gains_most_of_its_own_force() -> None:
     by_name = gains(regression(evidence(FORCES["brakes"])))
     assert by_name["brake_gain"] > 20.0
     assert by_name["brake_gain"] > by_name.get("drag_area", 0.0)
-
-
-def test_kernels_are_made_once_and_have_a_feature_for_each_parameter() -> None:
-    search = Regression(evidence())
-    made = kernels(search)
-    assert kernels(search) is made
-    own = {k.name: k for k in made if k.part == "parameter"}
-    assert set(own) == set(search.parameters)
-    assert np.allclose(
-        own["brake_gain"].features[:, 0], search.e.sensitivity["brake_gain"] * FREE["brake_gain"]
-    )
 
 
 @pytest.mark.parametrize(("gain", "x"), [(1.0, -0.5), (1.0, 1.0), (0.6, -0.5), (0.6, 1.0)])
