@@ -11,8 +11,9 @@ import yaml
 from csv_tables import drive, speed, write_csv
 
 from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
 from deeptruck_model import trucks
-from deeptruck_model.recordings import import_table, suggest_columns
+from deeptruck_model.recordings import Recording, import_table, suggest_columns
 from deeptruck_model.recordings.consistency import agreement
 from deeptruck_model.trucks import driving_cycles
 
@@ -114,3 +115,13 @@ class LateBrake:
 def test_brakes_that_let_go_late_make_no_slope_doubtful() -> None:
     truck = trucks.load("trucksim").with_forces([], [LateBrake()])
     assert not [*agreement.grade_doubts([driving_cycles.drive(truck, seconds=600.0, seed=0)])]
+
+
+@pytest.mark.parametrize(("fast", "doubtful"), [(7.0, False), (18.0, True)])
+def test_in_low_gears_the_turning_engine_may_take_half_of_gravity(fast: float, doubtful: bool) -> None:
+    swing, rise = 2.0 * np.sin(T / 9.0), 2.0 / 9.0 * np.cos(T / 9.0)
+    grade = 0.03 * np.sin(T / 23.0)
+    engine = 1000.0 * (1.0 + rise + 0.6 * 9.81 * grade)
+    channels = {"speed": fast + swing, "grade": grade, "engine_command": engine, "brake_command": 0.0 * T}
+    slow = Recording("slow", 0.1, channels, TruckInterface("slow"))
+    assert bool([*agreement.grade_doubts([slow])]) is doubtful
