@@ -51,7 +51,6 @@ def compare(
 
     results.apart(out, *(split_name(text)[1] for text in sides))
     results.COMPARISON.check(out, overwrite=overwrite)
-    _several(sides)
     for text in sides:
         _a_drive(text, sides)  # else it is said to be no bag
     from deeptruck_model.compare import compare as compared
@@ -86,14 +85,6 @@ def _a_drive(text: str, sides: Sequence[str]) -> None:
     ):
         drive = next((s for s in sides if s != text and "@" not in s), "BAG")
         raise InputError(f"{text} is a simulator, which runs along a drive: write {text}@{drive}")
-
-
-def _several(sides: Sequence[str]) -> None:
-    if len(sides) < 2:
-        raise InputError("give two sides or more to compare: bags, or SIM@BAG")
-    twice = [text for text in dict.fromkeys(sides) if sides.count(text) > 1]
-    if twice:
-        raise InputError(f"{twice[0]} is given twice; give each side once")
 
 
 def _offsets(texts: Sequence[str]) -> dict[str, float]:

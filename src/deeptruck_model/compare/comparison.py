@@ -60,6 +60,8 @@ def compare(
         raise InputError(
             f"give two sides or more to compare, as a list of bags or 'SIM@BAG', not {calls.shown(texts)}"
         )
+    if twice := [text for text in texts if texts.count(text) > 1]:
+        raise InputError(f"{twice[0]} is given twice; give each side once")
     loaded = sides.load(texts, STEP_S, topic_map, clock, msg)
     unknown = set(given or ()) - {s.name for s in loaded[1:]}
     if unknown:
