@@ -56,16 +56,21 @@ class Ideal:
 def with_events(c: Compared) -> Posterior:
     """The posterior over all rows of the fitted drives, those of events too, without new draws."""
     p, e = c.posterior, c.fitted
-    search = copy(p.search)
-    search.e, search.series = e, replace(p.search.series, y=np.where(e.valid, e.residual, 0.0), valid=e.valid)
-    search.rows = np.flatnonzero(search.series.usable())
-    return replace(p, search=search, noise=replace(p.noise, innovations=np.nan_to_num(p.noise.innovations)))
+    regression = copy(p.regression)
+    regression.e, regression.series = (
+        e,
+        replace(p.regression.series, y=np.where(e.valid, e.residual, 0.0), valid=e.valid),
+    )
+    regression.rows = np.flatnonzero(regression.series.usable())
+    return replace(
+        p, regression=regression, noise=replace(p.noise, innovations=np.nan_to_num(p.noise.innovations))
+    )
 
 
 def true_force(c: Compared, extra: Mapping[str, Array]) -> Array:
     """The acceleration (n,) that the hidden effects caused in the rows of a comparison, from that at every
     `DT` of each recording, m/s^2."""
-    drives, e = c.drives, c.posterior.search.e
+    drives, e = c.drives, c.posterior.regression.e
     grid = Grid(drives.prepared, drives.held_out, round(e.dt / drives.prepared[0].dt))
     parts = []
     for p in drives.prepared:
@@ -77,10 +82,10 @@ def true_force(c: Compared, extra: Mapping[str, Array]) -> Array:
 def ideal(p: Posterior, force: Array, name: str, accepted: Collection[str] = ()) -> Ideal | None:
     """Compare with the true force (n,), m/s^2, of `name`, for which names in `accepted` may be said too. None
     if there is no force."""
-    if float(np.sqrt(np.mean(force[p.search.rows] ** 2))) < LEAST:
+    if float(np.sqrt(np.mean(force[p.regression.rows] ** 2))) < LEAST:
         return None
     r = p.beside([Kernel(TRUE, force[:, None])])
-    unit = p.search.rules.evidence_temperature
+    unit = p.regression.rules.evidence_temperature
     names = [*(k.name for k in p.of), TRUE]
     own = np.array([n == name for n in names])
     right = np.array([n == name or n in accepted for n in names])

@@ -105,11 +105,11 @@ def concluded(truck: Simulator, c: Compared, rules: Rules, say: Callable[[str], 
 
 def stated(c: Compared, correction: Correction, driven: Validated) -> Stated:
     """The findings, where they act, and what recorded channels say of what has no name."""
-    slope = road(c.search)
+    slope = road(c.regression)
     error, tolerance = tolerated(c, driven)
     found = findings(c, correction, slope, error, tolerance)
     nodes = name_tree(c, slope)
-    channels = witnesses(c.search, c.drives.prepared, c.budget)
+    channels = witnesses(c.regression, c.drives.prepared, c.budget)
     return Stated(found, *located(c.fitted, found), nodes, channels)
 
 
@@ -146,12 +146,12 @@ def compared(
     e = with_reference_error(simulator, e, drives.prepared[0].measured_acceleration, seed)
 
     say(COMPARING)
-    search = at_fitted_parameters(simulator, drives, e, seed, exclude, say)
-    p, events = with_events(search, seed)
+    regression = at_fitted_parameters(simulator, drives, e, seed, exclude, say)
+    p, events = with_events(regression, seed)
     parameters = dict(simulator.parameters())
     remarks = (
-        *_caveats(simulator, search.e),
-        *not_compared(mechanisms, LIBRARY.values(), search.library, search.e),
+        *_caveats(simulator, regression.e),
+        *not_compared(mechanisms, LIBRARY.values(), regression.library, regression.e),
     )
     found = names(p)
     return Compared(parameters, drives, e, p, found, budget(p, e, found.given), events, remarks)
@@ -249,5 +249,5 @@ def _nats(simulator: Simulator, drives: Sequence[Prepared], seed: int, rules: Ru
     e = gather(simulator, drives, [False] * len(drives), seed=seed, rules=rules)
     if float(e.valid.sum()) * e.dt < Limits.least_driving_s:
         return {}
-    search = Regression(with_reference_error(simulator, e, drives[0].measured_acceleration, seed))
-    return gains(search)
+    regression = Regression(with_reference_error(simulator, e, drives[0].measured_acceleration, seed))
+    return gains(regression)

@@ -1,7 +1,7 @@
 """Calibrates a physics truck's parameters on recordings, and finds which parameters these do not identify.
 
 All parameters that the recorded truck shares with a truck of the pool are fitted at once, relinearised until
-convergence, with the noise and priors of the mismatch search. No missing effects are fitted: they bias the
+convergence, with the noise and priors of the mismatch tool. No missing effects are fitted: they bias the
 parameters, which held-out drives then show.
 
 Changing mass and gains together hardly changes the acceleration, so missing physics could move all of them
@@ -97,13 +97,13 @@ def calibrate(
         if drives.unusable_because:
             raise InputError(f"the truck cannot be fitted to these recordings: {drives.unusable_because}")
         say("fitting all parameters")
-        search, model = refitted(truck, drives, e, seed, frozenset(e.sensitivity), say)
+        regression, model = refitted(truck, drives, e, seed, frozenset(e.sensitivity), say)
         # Deviations hold the evidence temperature: a half of the prior at 6 is this at 9.
-        identified = frozenset(p for p in search.parameters if model.moved_sd(p) < 0.61 * FREE[p])
+        identified = frozenset(p for p in regression.parameters if model.moved_sd(p) < 0.61 * FREE[p])
         if identified != frozenset(e.sensitivity):
             say("fitting those that the drives identify")
-            search, model = refitted(truck, drives, e, seed, identified, say)
-        moved = _driven(truck, drives, search, model, identified)
+            regression, model = refitted(truck, drives, e, seed, identified, say)
+        moved = _driven(truck, drives, regression, model, identified)
         if not any("mass" in pair and set(pair) & set(GAINS) for pair in moved.alike):
             return moved
         say("fitting with the mass as given")
@@ -134,21 +134,25 @@ def _saves(drives: PreparedDrives, held: PhysicsTruck, moved: PhysicsTruck) -> f
 
 
 def _driven(
-    truck: PhysicsTruck, drives: PreparedDrives, search: Regression, model: Model, identified: frozenset[str]
+    truck: PhysicsTruck,
+    drives: PreparedDrives,
+    regression: Regression,
+    model: Model,
+    identified: frozenset[str],
 ) -> Calibration:
-    change = {p: search.e.total_change(p, model.moved(p)) for p in identified}
+    change = {p: regression.e.total_change(p, model.moved(p)) for p in identified}
     own = truck.parameters()
     fitted = truck.with_parameters({p: own[p] * (1.0 + x) for p, x in accepted(truck, change).items()})
     held = drives.part(held_out=True)
     long = horizon(held)
     errors = {name: free_windows(t, held, long) for name, t in (("before", truck), ("after", fitted))}
     some = len(errors["before"].speed) > 0
-    spread = _jackknife(search, identified)
+    spread = _jackknife(regression, identified)
     gained = improvement({**errors, "parameters_only": errors["before"]}).ci95 if some else None
     return Calibration(
         truck=fitted,
         parameters=tuple(
-            _parameter(p, truck, fitted, search, model, identified, spread) for p in search.parameters
+            _parameter(p, truck, fitted, regression, model, identified, spread) for p in regression.parameters
         ),
         alike=_alike(model, sorted(identified)),
         held_out=tuple(p.recording.name for p in held),
@@ -164,28 +168,28 @@ def _parameter(
     name: str,
     truck: PhysicsTruck,
     fitted: PhysicsTruck,
-    search: Regression,
+    regression: Regression,
     model: Model,
     identified: frozenset[str],
     spread: Mapping[str, float],
 ) -> Fitted:
     given, value = truck.parameters()[name], fitted.parameters()[name]
-    about = given * (1.0 + search.e.moved.get(name, 0.0))  # the value whose relative change was fitted
+    about = given * (1.0 + regression.e.moved.get(name, 0.0))  # the value whose relative change was fitted
     wide = Z95 * about * max(model.moved_sd(name), spread.get(name, 0.0))
     interval = (value - wide, value + wide) if name in identified else None
     return Fitted(name, PARAMETERS[name].unit, given, value, interval)
 
 
-def _jackknife(search: Regression, identified: frozenset[str]) -> dict[str, float]:
+def _jackknife(regression: Regression, identified: frozenset[str]) -> dict[str, float]:
     """Sd of the relative changes between parts of the driving, which the noise within parts does not show.
 
     Each of PARTS is left out in turn (delete-a-group jackknife: Kott, Journal of Official Statistics 17,
     2001). Parts have equal time, because there are too few drives to use as parts.
     """
-    rows = np.flatnonzero(search.e.valid)
-    part = np.full(len(search.e), -1)
+    rows = np.flatnonzero(regression.e.valid)
+    part = np.full(len(regression.e), -1)
     part[rows] = np.arange(len(rows)) * PARTS // max(len(rows), 1)
-    fits = [Regression(search.e, only=part != k).model((), identified) for k in range(PARTS)]
+    fits = [Regression(regression.e, only=part != k).model((), identified) for k in range(PARTS)]
     changes = {p: np.array([fit.moved(p) for fit in fits]) for p in identified}
     wider = float(student_t.ppf(0.975, PARTS - 1)) / Z95
     return {p: wider * float(np.sqrt((PARTS - 1) * np.var(x))) for p, x in changes.items()}

@@ -44,7 +44,7 @@ class NamedForce:
 def named_forces(p: Posterior, found: Sequence[Named], e: Evidence) -> dict[str, NamedForce]:
     """The force of each accepted name that forms carry to other drives, on evidence `e`; none of what is a
     parameter, or specific to one drive, time or place."""
-    library = {m.effect: m for m in p.search.library}
+    library = {m.effect: m for m in p.regression.library}
     out = {}
     for named in found:
         name = named.name
@@ -54,9 +54,9 @@ def named_forces(p: Posterior, found: Sequence[Named], e: Evidence) -> dict[str,
         options = _options(p, library[name], force, general=True)
         if not options:
             continue
-        term = functools.reduce(merge, _forms(p.search, options, force))
+        term = functools.reduce(merge, _forms(p.regression, options, force))
         drawn = p.on_columns(name, term.columns, named.given)
-        sizes, rows = drawn.mean(axis=0), p.search.rows
+        sizes, rows = drawn.mean(axis=0), p.regression.rows
         left = force[rows] - term.columns[rows] @ sizes
         if float(left @ left) <= (1.0 - Limits.least_carried) * float(force[rows] @ force[rows]):
             sd = np.maximum(drawn.std(axis=0), SIZE_SD * np.abs(sizes)) + 1e-9
@@ -69,18 +69,18 @@ def nameless_terms(p: Posterior, stated: Set[str], e: Evidence) -> list[Candidat
     """Forms of mechanisms, on evidence `e`, that add up to what may act beside the `stated` names: rivals of
     these, and what follows no mechanism."""
     picked: list[CandidateTerm] = []
-    library = [m for m in p.search.library if m.effect not in stated]
+    library = [m for m in p.regression.library if m.effect not in stated]
     for m in library:
         if p.inside(m.effect).mean() >= Limits.least_in:
             force = p.force(m.effect, p.inside(m.effect))
             if options := _options(p, m, force, general=True):
-                picked += _forms(p.search, options, force)
+                picked += _forms(p.regression, options, force)
     if p.inside(UNKNOWN).mean() >= Limits.least_in:
         force = p.force(UNKNOWN, p.inside(UNKNOWN))
-        each = ([t for t in p.search.candidate_terms(m) if t.general] for m in library)
-        best = [t for own in each if own for t in _forms(p.search, own, force)]
+        each = ([t for t in p.regression.candidate_terms(m) if t.general] for m in library)
+        best = [t for own in each if own for t in _forms(p.regression, own, force)]
         known = {id(t) for t in picked}
-        picked += [t for t in _forms(p.search, best, force) if id(t) not in known] if best else []
+        picked += [t for t in _forms(p.regression, best, force) if id(t) not in known] if best else []
     return [anew(t, e) for t in _by_mechanism(picked)]
 
 
@@ -88,11 +88,11 @@ def simplest_terms(p: Posterior, e: Evidence) -> list[CandidateTerm]:
     """For every mechanism that may act, the one form, perhaps of single drives, whose sizes a finding states,
     on evidence `e`."""
     picked = []
-    for m in p.search.library:
+    for m in p.regression.library:
         if p.inside(m.effect).mean() >= Limits.least_in:
             force = p.force(m.effect, p.inside(m.effect))
             if options := _options(p, m, force, general=False):
-                picked.append(_simplest(p.search, options, force))
+                picked.append(_simplest(p.regression, options, force))
     return [anew(t, e) for t in picked]
 
 
@@ -115,26 +115,26 @@ def _options(p: Posterior, m: Mechanism, force: Array, *, general: bool) -> list
     """Candidate terms of a mechanism, or those alone that apply to any drive; where none of them is nearly
     its force (n,), each of its laws in every condition too. Beside a learned simulator there are no
     conditions, on which its own errors depend as well."""
-    out = [t for t in p.search.candidate_terms(m) if not general or t.general]
-    if out and p.search.e.model_discrepancy == 0:
-        left, squares = _left(p.search, out, force)
+    out = [t for t in p.regression.candidate_terms(m) if not general or t.general]
+    if out and p.regression.e.model_discrepancy == 0:
+        left, squares = _left(p.regression, out, force)
         if left.min() > Limits.simpler * squares:
             laws = [t for t in out if t.variants[0].course == ALWAYS and not t.reruns]
-            out += [confined(t, where, p.search.e) for t in laws for where in conditions(p.search.e)]
+            out += [confined(t, where, p.regression.e) for t in laws for where in conditions(p.regression.e)]
     return out
 
 
-def _left(search: Regression, options: Sequence[CandidateTerm], force: Array) -> tuple[Array, float]:
+def _left(regression: Regression, options: Sequence[CandidateTerm], force: Array) -> tuple[Array, float]:
     """Sums of squares (terms,) of a force (n,) that each term leaves, and its own."""
-    gram, pull, squares, own = _products(search, options, force)
+    gram, pull, squares, own = _products(regression, options, force)
     return np.array([squares - _explained(gram, pull, a) for a in own]), squares
 
 
-def _simplest(search: Regression, options: Sequence[CandidateTerm], force: Array) -> CandidateTerm:
+def _simplest(regression: Regression, options: Sequence[CandidateTerm], force: Array) -> CandidateTerm:
     """The candidate term with the fewest coefficients, among those that explain a force (n,) nearly as well
     as the best one, and of these one that acts always and whose coefficients are nearest their prior;
     findings state its sizes."""
-    gram, pull, squares, own = _products(search, options, force)
+    gram, pull, squares, own = _products(regression, options, force)
     left = np.array([squares - _explained(gram, pull, a) for a in own])
     good = np.flatnonzero(left <= left.min() + Limits.simpler * squares)
 
@@ -146,20 +146,20 @@ def _simplest(search: Regression, options: Sequence[CandidateTerm], force: Array
 
 
 def _products(
-    search: Regression, options: Sequence[CandidateTerm], force: Array
+    regression: Regression, options: Sequence[CandidateTerm], force: Array
 ) -> tuple[Array, Array, float, list[Indices]]:
     """Inner products of all columns of some terms, and of these with a force (n,); the force's sum of
     squares; and the columns of each term."""
-    rows = search.rows
+    rows = regression.rows
     widths = np.cumsum([0, *(t.columns.shape[1] for t in options)])
     X = np.concatenate([t.columns[rows] for t in options], axis=1)
     own = [np.arange(a, b) for a, b in itertools.pairwise(widths)]
     return X.T @ X, X.T @ force[rows], float(force[rows] @ force[rows]), own
 
 
-def _forms(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:
+def _forms(regression: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:
     """The few candidate terms that together explain most of a force (n,), by greedy selection."""
-    gram, pull, squares, own = _products(search, options, force)
+    gram, pull, squares, own = _products(regression, options, force)
     taken: list[int] = []
     left = squares
     while len(taken) < Limits.most_forms and left > Limits.form_left * squares:

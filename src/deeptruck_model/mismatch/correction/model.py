@@ -84,11 +84,11 @@ class Correction:
 def correct(simulator: Simulator, c: Compared) -> Correction:
     """The correction by all blocks of the posterior, named or not, with the simulator at the posterior mean
     of its parameters."""
-    p, rules = c.posterior, c.search.rules
+    p, rules = c.posterior, c.regression.rules
     likely = _stated_changes(c)
     e = about_the_mean(simulator, c.drives, c.given, p, likely)
     named = named_forces(p, c.names.found, e)
-    tuning, folds = Recipe((), frozenset(p.search.parameters)), left_out_in_turn(e)
+    tuning, folds = Recipe((), frozenset(p.regression.parameters)), left_out_in_turn(e)
     less = needless(folds, Recipe(_terms(named), frozenset(likely)), c.names.found, rules.stated)
     named = {name: x for name, x in named.items() if name not in less}
     likely = {name: x for name, x in likely.items() if name not in less}
@@ -96,23 +96,23 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
     options = [given]
     for whole in _wholes(p, named, frozenset(likely), e):
         options += pruned(folds, whole, p.probability, rules)
-    options += subsets(folds, p.search.parameters)
+    options += subsets(folds, p.regression.parameters)
     chosen = best(options, rules).recipe
     left_out = {
         "before": given.of_drives,
         "parameters_only": judged(folds, tuning).of_drives,
         "after": nested(options, rules),
     }
-    search = Regression(e.everywhere(), only=~e.held_out & e.valid, parameter_sd=PINNED)
-    alone, model = fitted(search, tuning), fitted(search, chosen)
-    by_evidence = search.model((), tuning.free)
+    regression = Regression(e.everywhere(), only=~e.held_out & e.valid, parameter_sd=PINNED)
+    alone, model = fitted(regression, tuning), fitted(regression, chosen)
+    by_evidence = regression.model((), tuning.free)
     return Correction(
-        _truck(simulator, search, model),
-        _truck(simulator, search, alone),
+        _truck(simulator, regression, model),
+        _truck(simulator, regression, alone),
         chosen.output_error,
         _added(model, named),
-        {n: _refitted(simulator, search.e, model, n) for n in sorted(model.free)},
-        {n: _refitted(simulator, search.e, by_evidence, n) for n in sorted(by_evidence.free)},
+        {n: _refitted(simulator, regression.e, model, n) for n in sorted(model.free)},
+        {n: _refitted(simulator, regression.e, by_evidence, n) for n in sorted(by_evidence.free)},
         tuple(simplest_terms(p, e)),
         left_out if len(folds) > 1 else {},
         tuple(_contradicted_mass(c, chosen)),
@@ -122,7 +122,7 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
 
 def _stated_changes(c: Compared) -> dict[str, float]:
     """The relative changes of parameters that are found, from the simulator as given, in the draws."""
-    p, e = c.posterior, c.search.e
+    p, e = c.posterior, c.regression.e
     return {
         f.name: float(np.clip(p.change(f.name, f.given)[0], *e.vehicle.possible(f.name)))
         for f in c.names.found
@@ -141,7 +141,7 @@ def _wholes(
     parameters."""
     known = _terms(named)
     rest = tuple(nameless_terms(p, {*named, *likely}, e))
-    everything = frozenset(p.search.parameters)
+    everything = frozenset(p.regression.parameters)
     wholes = [(known, likely), ((*known, *rest), likely)]
     if known or rest:
         wholes.append(((*known, *rest), everything))
@@ -167,10 +167,10 @@ def _added(model: Model, named: Mapping[str, NamedForce]) -> dict[str, Added]:
 def _contradicted_mass(c: Compared, recipe: Recipe) -> Iterator[str]:
     """Remark on a stated mass that the drives contradict when all parameters are fitted with the
     terms of the correction."""
-    model = c.search.model(recipe.terms, frozenset(c.search.parameters))
+    model = c.regression.model(recipe.terms, frozenset(c.regression.parameters))
     if "mass" not in c.parameters or "mass" not in model.free or model.moved_sd("mass") >= 0.5 * FREE["mass"]:
         return
-    about = c.parameters["mass"] * (1.0 + c.search.e.moved.get("mass", 0.0))
+    about = c.parameters["mass"] * (1.0 + c.regression.e.moved.get("mass", 0.0))
     value, wide = about * (1.0 + model.moved("mass")), Z95 * about * model.moved_sd("mass")
     recordings = [p.recording for p in c.drives.part(held_out=False)]
     yield from contradicted_mass(recordings, value, (value - wide, value + wide))
@@ -188,8 +188,8 @@ def _refitted(simulator: Simulator, e: Evidence, model: Model, parameter: str) -
     return Refitted(change, (low, high), value, PARAMETER_ERRORS[parameter].unit, (ci95[0], ci95[1]))
 
 
-def _truck(simulator: Simulator, search: Regression, model: Model) -> CorrectedTruck:
-    e = search.e
+def _truck(simulator: Simulator, regression: Regression, model: Model) -> CorrectedTruck:
+    e = regression.e
     change = {
         p: float(np.clip(e.total_change(p, model.moved(p)), *e.vehicle.possible(p)))
         for p in sorted(model.free)

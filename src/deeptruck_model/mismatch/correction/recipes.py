@@ -53,7 +53,7 @@ class Recipe:
 class Fold:
     """A regression on some of the fitted drives, and the rows (n,) of the others."""
 
-    search: Regression
+    regression: Regression
     left_out: Mask
 
 
@@ -97,7 +97,7 @@ def judged(folds: Sequence[Fold], recipe: Recipe) -> Judged:
     """A recipe with its errors along drives to which it was not fitted."""
     out = []
     for fold in folds:
-        s = fold.search
+        s = fold.regression
         left = s.e.residual - _acts(s, fitted(s, recipe))
         speed = np.where(fold.left_out, _added_up(s, left[:, None], fold.left_out)[:, 0], 0.0)
         for drive in np.unique(s.e.record[fold.left_out]):
@@ -168,48 +168,48 @@ def nested(options: Sequence[Judged], rules: Rules) -> Array:
     return np.array([by_recipe[id(recipe)][k] for k, recipe in enumerate(chosen)])
 
 
-def fitted(search: Regression, recipe: Recipe) -> Model:
+def fitted(regression: Regression, recipe: Recipe) -> Model:
     """The recipe with its sizes."""
-    model = search.model(recipe.terms, recipe.free)
+    model = regression.model(recipe.terms, recipe.free)
     if not recipe.output_error:
         return model
-    sizes = _by_output_error(search, model)
-    return sizes if all(search.possible(p, sizes) for p in model.free) else model
+    sizes = _by_output_error(regression, model)
+    return sizes if all(regression.possible(p, sizes) for p in model.free) else model
 
 
-def _by_output_error(search: Regression, model: Model) -> Model:
+def _by_output_error(regression: Regression, model: Model) -> Model:
     """The model with sizes of least squared speed error in free runs, to first order, under the same priors
     and signs (Wahlberg and Ljung, IEEE Transactions on Automatic Control 31, 1986)."""
-    counted = search.series.valid
+    counted = regression.series.valid
     if not counted.any():
         return model
-    columns, prior, _ = search.design(model)
-    X = _added_up(search, columns, counted)[counted]
-    y = _added_up(search, search.series.y[:, None], counted)[counted, 0]
-    length = max(1, round(Limits.horizons_s[0] / search.e.dt))
+    columns, prior, _ = regression.design(model)
+    X = _added_up(regression, columns, counted)[counted]
+    y = _added_up(regression, regression.series.y[:, None], counted)[counted, 0]
+    length = max(1, round(Limits.horizons_s[0] / regression.e.dt))
     b = model.fit.b
     for _ in range(ROUNDS):
-        left = max(float(np.mean((y - X @ b) ** 2)), search.rules.noise_floor**2)
+        left = max(float(np.mean((y - X @ b) ** 2)), regression.rules.noise_floor**2)
         b, _ = ridge(y, X, np.full(len(y), FREE_RUN_NUMBERS / (length * left)), prior)
     return replace(model, fit=replace(model.fit, b=b))
 
 
-def _added_up(search: Regression, x: Array, counted: Mask) -> Array:
+def _added_up(regression: Regression, x: Array, counted: Mask) -> Array:
     """Integral of x (n, k) over time, m/s, restarted every `horizons_s[0]` s; rows that are not counted add
     nothing."""
-    length = max(1, round(Limits.horizons_s[0] / search.e.dt))
+    length = max(1, round(Limits.horizons_s[0] / regression.e.dt))
     x, out = np.where(counted[:, None], np.nan_to_num(x), 0.0), np.empty_like(x)
-    for s in search.e.drives:
+    for s in regression.e.drives:
         for begin in range(s.start, s.stop, length):
             rows = slice(begin, min(begin + length, s.stop))
-            out[rows] = np.cumsum(x[rows], axis=0) * search.e.dt
+            out[rows] = np.cumsum(x[rows], axis=0) * regression.e.dt
     return out
 
 
-def _acts(search: Regression, model: Model) -> Array:
+def _acts(regression: Regression, model: Model) -> Array:
     """Acceleration (n,) that a correction adds: terms and free parameters, without nuisance terms."""
-    X, _, layout = search.design(model)
-    out = np.zeros(len(search.e))
+    X, _, layout = regression.design(model)
+    out = np.zeros(len(regression.e))
     for name, part in layout:  # parameters too: all is linearised about others than those given
         if name in model.effects or name.startswith("parameter:"):
             out += np.nan_to_num(X[:, part]) @ model.fit.b[part]

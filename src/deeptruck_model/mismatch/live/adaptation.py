@@ -41,7 +41,7 @@ from deeptruck_model.recordings.several import drives as known
 from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
 
 FIRST_S = 300.0
-SLOPE = "road_grade"  # whose kernel the search has of itself where none was recorded
+SLOPE = "road_grade"  # whose kernel the posterior has of itself where none was recorded
 LOAD, BIAS, WIND = "mass", "grade_bias", "headwind"
 STEADY: dict[str, Variant] = {BIAS: variant("offset"), WIND: variant("each drive", around_m_s=0.0)}
 SD = {LOAD: FREE["mass"], BIAS: 0.03 / GRAVITY, WIND: 4.0}  # relative, rise over run, m/s: between drives
@@ -114,9 +114,9 @@ def state_of(simulator: Simulator, drives: Sequence[Prepared], rules: Rules) -> 
     columns = {name: candidate_term(LIBRARY[name], STEADY[name], e).columns for name in STEADY}
     if LOAD in e.sensitivity:
         columns[LOAD] = e.sensitivity[LOAD][:, None]
-    search = Regression(replace(e, sensitivity={}), exclude=set(LIBRARY) - {SLOPE})
+    regression = Regression(replace(e, sensitivity={}), exclude=set(LIBRARY) - {SLOPE})
     blocks = [Kernel(n, SD[n] * np.nan_to_num(x), chance=DRIFT_ODDS / rules.odds) for n, x in columns.items()]
-    p = posterior(search, blocks)
+    p = posterior(regression, blocks)
     rise, wind = (_quantity(p.probability(n), _drawn(p, n), STRONGEST[n], rules) for n in STEADY)
     load = _load(p) if LOAD in columns else Quantity()
     return DriveState(load, wind, _constant(rise), float(e.valid.sum() * e.dt), Shares.if_unreported(e))
@@ -136,9 +136,9 @@ def _drawn(p: Posterior, name: str) -> Array:
 
 def _load(p: Posterior) -> Quantity:
     """The relative change of mass."""
-    low, high = p.search.e.vehicle.possible(LOAD)
-    moved = np.array([changed_by(LOAD, float(x), p.search.mass_gain) for x in _drawn(p, LOAD)])
-    q = _quantity(p.probability(LOAD), moved, np.inf, p.search.rules)
+    low, high = p.regression.e.vehicle.possible(LOAD)
+    moved = np.array([changed_by(LOAD, float(x), p.regression.mass_gain) for x in _drawn(p, LOAD)])
+    q = _quantity(p.probability(LOAD), moved, np.inf, p.regression.rules)
     bent = Z95 * 0.5 * q.value**2  # what a line through the simulator's answer may be off by so far away
     beyond = q.state is State.ESTIMATED and not low < q.value < high
     return replace(

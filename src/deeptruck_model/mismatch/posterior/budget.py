@@ -81,18 +81,18 @@ def budget(p: Posterior, given: Evidence, of: Mask | None = None) -> Budget:
     what acts for seconds is not in the budget. Shares are of the mean in the draws `of` (m,), from which the
     forces of findings are too; intervals are of all draws.
     """
-    search, e = p.search, p.search.e
+    regression, e = p.regression, p.regression.e
     columns, draws, part_of = _columns(p)
-    fixed = _refitted(search, given)
+    fixed = _refitted(regression, given)
     used = np.zeros(len(e), dtype=bool)
-    used[search.rows] = True
+    used[regression.rows] = True
     hidden = np.zeros(len(e), dtype=bool) if given.hidden is None else given.hidden & ~e.held_out
     counted = used | hidden
     braked = np.where(hidden, e.residual, 0.0)
     fixed = {part: np.where(used, force, 0.0) for part, force in fixed.items()} | {HIDDEN: braked}
     residual = np.where(used, given.residual, braked)
     for horizon_s in Limits.horizons_s:
-        starts = _starts(search, counted, round(horizon_s / e.dt))
+        starts = _starts(regression, counted, round(horizon_s / e.dt))
         if len(starts) >= Limits.least_windows:
             break
     else:
@@ -148,7 +148,7 @@ def budget(p: Posterior, given: Evidence, of: Mask | None = None) -> Budget:
 def _white(p: Posterior, starts: Sequence[int], steps: int) -> float:
     """Expected squared speeds, summed over windows, of integrated white noise with the variance of the
     innovations."""
-    variance = TAIL / (TAIL - 2.0) * (p.noise.sigma * p.search.series.relative * p.search.e.dt) ** 2
+    variance = TAIL / (TAIL - 2.0) * (p.noise.sigma * p.regression.series.relative * p.regression.e.dt) ** 2
     return float(sum(np.cumsum(variance[k : k + steps]).sum() for k in starts))
 
 
@@ -160,7 +160,7 @@ def _columns(p: Posterior) -> tuple[list[Array], Array, list[str]]:
     always = p.always.shape[1]
     own: list[Array] = [p.always]
     at = [np.arange(always)]
-    parts = [FAMILY[name] for name in p.search.parameters]
+    parts = [FAMILY[name] for name in p.regression.parameters]
     parts += [SENSORS] * (always - p.form_error - len(parts)) + [UNKNOWN] * p.form_error
     for k, place in zip(p.of, p.at, strict=True):
         part = FAMILY.get(k.name, k.name)
@@ -203,11 +203,11 @@ def _shares(draws: Array, groups: Sequence[Indices], products: Array) -> Array:
     return np.column_stack([gained * scale[:, None], np.where(some, rest, 1.0)])
 
 
-def _refitted(search: Regression, given: Evidence) -> dict[str, Array]:
+def _refitted(regression: Regression, given: Evidence) -> dict[str, Array]:
     """The fixed columns (n,), m/s^2, by family: the change of the residual by refitted parameters, including
     their prior means. Its nonlinear part is divided in proportion to the linear parts."""
-    e = search.e
-    X, prior, layout = search.design(search.model((), frozenset()))
+    e = regression.e
+    X, prior, layout = regression.design(regression.model((), frozenset()))
     linear = {p: np.nan_to_num(given.sensitivity[p]) * change for p, change in e.moved.items()}
     total = sum(np.abs(force) for force in linear.values())
     rest = np.nan_to_num(given.residual - e.residual) - sum(linear.values())
@@ -221,11 +221,11 @@ def _refitted(search: Regression, given: Evidence) -> dict[str, Array]:
     return out
 
 
-def _starts(search: Regression, counted: Mask, steps: int) -> list[int]:
+def _starts(regression: Regression, counted: Mask, steps: int) -> list[int]:
     """First rows of half-overlapping windows that are compared throughout."""
     return [
         k
-        for s in search.e.drives
+        for s in regression.e.drives
         if not s.held_out
         for k in range(s.start, s.stop - steps, max(steps // 2, 1))
         if counted[k : k + steps].mean() >= Limits.least_compared

@@ -75,35 +75,35 @@ class Event:
     stop: int = field(default=0, metadata=HIDDEN)
 
 
-def with_events(search: Regression, seed: int) -> tuple[Posterior, tuple[Event, ...]]:
-    """The posterior, and the events. The rows of events are in its draws, and left out of its `search`.
+def with_events(regression: Regression, seed: int) -> tuple[Posterior, tuple[Event, ...]]:
+    """The posterior, and the events. The rows of events are in its draws, and left out of its `regression`.
 
     A first look estimates the noise and selects the laws whose constants are fitted. The posterior of what
     acts throughout finds the events; a second one has further blocks that act in these alone.
     """
-    look = first_look(search, seed=seed)
-    search = narrowed(look)
-    p = posterior(search, seed=seed, noise=look.noise)
+    look = first_look(regression, seed=seed)
+    regression = narrowed(look)
+    p = posterior(regression, seed=seed, noise=look.noise)
     happened = events(p, seed)
     if not happened:
         return p, ()
-    rows = rows_of(happened, len(search.e))
+    rows = rows_of(happened, len(regression.e))
     innovations = np.where(rows, 0.0, p.noise.innovations)  # an event is no outlier
     noise = replace(p.noise, innovations=innovations)
-    p = posterior(search, _in_events(search, happened), seed=seed, noise=noise)
+    p = posterior(regression, _in_events(regression, happened), seed=seed, noise=noise)
     named = tuple(replace(x, name=_cause(p, x)) for x in happened)
-    return replace(p, search=without(search, rows)), named
+    return replace(p, regression=without(regression, rows)), named
 
 
-def _in_events(search: Regression, happened: Sequence[Event]) -> list[Kernel]:
+def _in_events(regression: Regression, happened: Sequence[Event]) -> list[Kernel]:
     """Blocks that are confined to events: a force of its own in each, which has no name; and the laws of each
     mechanism in all of those that change the speed by as much as a finding."""
-    n, least = len(search.e), search.rules.drift
-    anything = next(k for k in kernels(search) if k.name == UNKNOWN)
-    own = [within(replace(anything, name=EVENT, part=EVENT), rows_of([x], n), search) for x in happened]
+    n, least = len(regression.e), regression.rules.drift
+    anything = next(k for k in kernels(regression) if k.name == UNKNOWN)
+    own = [within(replace(anything, name=EVENT, part=EVENT), rows_of([x], n), regression) for x in happened]
     large = rows_of([x for x in happened if abs(x.speed_change) >= least], n)
-    each = [k for k in kernels(search) if k.part == LAWS and k.name != UNKNOWN]
-    return [*own, *(within(replace(k, part=IN_EVENTS), large, search) for k in each if large.any())]
+    each = [k for k in kernels(regression) if k.part == LAWS and k.name != UNKNOWN]
+    return [*own, *(within(replace(k, part=IN_EVENTS), large, regression) for k in each if large.any())]
 
 
 def _cause(p: Posterior, x: Event) -> str | None:
@@ -111,12 +111,12 @@ def _cause(p: Posterior, x: Event) -> str | None:
     names: dict[str, Mask] = {}
     for j, k in enumerate(p.of):
         if k.part == IN_EVENTS:
-            change = p.coefficients(j) @ k.features[x.start : x.stop].sum(axis=0) * p.search.e.dt
+            change = p.coefficients(j) @ k.features[x.start : x.stop].sum(axis=0) * p.regression.e.dt
             acts = change * x.speed_change >= MOST_OF * x.speed_change**2
             names[k.name] = names.get(k.name, np.zeros_like(acts)) | acts
     for n, acts in [*names.items()]:
         names[FAMILY[n]] = names.get(FAMILY[n], np.zeros_like(acts)) | acts
-    return next((n for n, acts in names.items() if acts.mean() >= p.search.rules.stated), None)
+    return next((n for n, acts in names.items() if acts.mean() >= p.regression.rules.stated), None)
 
 
 def rows_of(happened: Sequence[Event], n: int) -> Mask:
@@ -133,8 +133,8 @@ def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:
     Held-out drives are searched too, after subtracting these forces with sizes fitted to each, and then its
     median, because each drive has a constant force of its own.
     """
-    e = p.search.e.everywhere()
-    return find_events(_left_over(p, e), p.noise, kernels(p.search), e.drives, e.dt, seed)
+    e = p.regression.e.everywhere()
+    return find_events(_left_over(p, e), p.noise, kernels(p.regression), e.drives, e.dt, seed)
 
 
 def _left_over(p: Posterior, e: Evidence) -> Series:

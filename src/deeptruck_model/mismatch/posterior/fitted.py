@@ -41,7 +41,7 @@ COARSE = 0.5  # prior sd of the coarse kernel, which has what no form has, over 
 class Beside:
     """The whitened residual y (m,) and columns (m, c) of what else acts, with unit prior variance."""
 
-    search: Regression
+    regression: Regression
     ar: Array
     weight: Array
     y: Array
@@ -52,12 +52,12 @@ class Beside:
     @classmethod
     def of(cls, p: Posterior, state: State) -> Beside:
         """Beside the blocks of a state."""
-        rows, weight = p.search.rows, weights(p.search, p.noise)
+        rows, weight = p.regression.rows, weights(p.regression, p.noise)
         acting = [k.features * SIZES[s] for k, s in zip(p.of, state, strict=True) if s != OUT]
         X = np.concatenate([p.always, *acting], axis=1)
-        y = p.search.series.y - p.mean
+        y = p.regression.series.y - p.mean
         white = [whiten(np.nan_to_num(x), p.noise.ar, rows, weight) for x in (y, X)]
-        return cls(p.search, p.noise.ar, weight, *white)
+        return cls(p.regression, p.noise.ar, weight, *white)
 
     def __post_init__(self) -> None:
         root = np.linalg.cholesky(np.eye(self.X.shape[1]) + self.X.T @ self.X)
@@ -66,12 +66,12 @@ class Beside:
 
     def and_(self, columns: Array) -> Beside:
         """Beside further columns (n, k) too."""
-        more = whiten(columns, self.ar, self.search.rows, self.weight)
+        more = whiten(columns, self.ar, self.regression.rows, self.weight)
         return replace(self, X=np.concatenate([self.X, more], axis=1))
 
     def products(self, columns: Array) -> tuple[Array, Array]:
         """Inner products (k, k) of columns (n, k), and of these with the residual, beside what else acts."""
-        white = whiten(columns, self.ar, self.search.rows, self.weight)
+        white = whiten(columns, self.ar, self.regression.rows, self.weight)
         across = solve_triangular(self.root, self.X.T @ white, lower=True)
         return white.T @ white - across.T @ across, white.T @ self.y - across.T @ self.onto
 
@@ -80,11 +80,11 @@ def narrowed(p: Posterior) -> Regression:
     """The regression of a posterior with the kernels of names in doubt narrowed about fitted constants, which
     are candidate terms of their mechanisms from then on. That of a learned simulator stays: its own errors,
     with which gains are compared, have no fitted laws."""
-    if not p.search.e.known_physics:
-        return p.search
+    if not p.regression.e.known_physics:
+        return p.regression
     beside: dict[State, Beside] = {}
     found: dict[str, list[_Fitted]] = {}
-    by_effect = {m.effect: m for m in p.search.library}
+    by_effect = {m.effect: m for m in p.regression.library}
     for name, company in _in_doubt(p):
         for state in dict.fromkeys((company, _without_names(p, company))):
             if state not in beside:
@@ -92,7 +92,7 @@ def narrowed(p: Posterior) -> Regression:
             found.setdefault(name, []).extend(_fits(beside[state], by_effect[name]))
     features = {n: np.concatenate([f.columns for f in fits], axis=1) for n, fits in found.items() if fits}
     terms = {name: tuple(f.term for f in fits) for name, fits in found.items()}
-    return narrow(p.search, features, terms, COARSE)
+    return narrow(p.regression, features, terms, COARSE)
 
 
 def _without_names(p: Posterior, state: State) -> State:
@@ -106,7 +106,7 @@ def _in_doubt(p: Posterior) -> list[tuple[str, State]]:
     does first, each with what else is in."""
     r, unit = p.draws.space, p.draws.unit
     state, _ = most_probable(r, unit, r.log_odds)
-    library = {m.effect for m in p.search.library}
+    library = {m.effect for m in p.regression.library}
     best: dict[str, tuple[float, State]] = {}
     for j in [j for j, s in enumerate(state) if s != OUT]:
         company = (*state[:j], OUT, *state[j + 1 :])
@@ -132,7 +132,7 @@ def _fits(beside: Beside, m: Mechanism) -> list[_Fitted]:
     """The forms of a mechanism that gain most, each beside those before it, at constants that fit best."""
     starts = [
         (v, form, _columns(beside, m, v))
-        for v in every_variant(m, beside.search.e)
+        for v in every_variant(m, beside.regression.e)
         if isinstance(form := m.forms[v.form], Form) and not v.course.varies_in_time
     ]
     out: list[_Fitted] = []
@@ -178,12 +178,12 @@ def _fit(beside: Beside, m: Mechanism, v: Variant, limits: Mapping[str, tuple[fl
     inwards = np.where(z < 0.0, STEP, -STEP)
     sides = [_columns(beside, m, at(z + step)) for step in np.diag(inwards)]
     slopes = [(side - columns) @ b * (WIDE / STEP) for side in sides]
-    return _Fitted(candidate_term(m, at(z), beside.search.e), np.stack([*columns.T, *slopes], axis=1))
+    return _Fitted(candidate_term(m, at(z), beside.regression.e), np.stack([*columns.T, *slopes], axis=1))
 
 
 def _columns(beside: Beside, m: Mechanism, v: Variant) -> Array:
     """Columns (n, k) of a variant with unit prior variance."""
-    term = candidate_term(m, v, beside.search.e)
+    term = candidate_term(m, v, beside.regression.e)
     return term.columns * np.hypot(term.prior.sd, term.prior.mean)
 
 

@@ -55,62 +55,66 @@ class Kernel:
     part: str = LAWS  # which of the name's forces it holds: its laws, those not always there, a parameter's
 
 
-_made: WeakKeyDictionary[Regression, tuple[Kernel, ...]] = WeakKeyDictionary()  # no longer than the search
+_made: WeakKeyDictionary[Regression, tuple[Kernel, ...]] = (
+    WeakKeyDictionary()
+)  # no longer than the regression
 
 
-def kernels(search: Regression) -> tuple[Kernel, ...]:
+def kernels(regression: Regression) -> tuple[Kernel, ...]:
     """Kernels of every name in the library, of the nonparametric term and of every parameter;
     computed once."""
-    if search not in _made:
-        _made[search] = _kernels(search)
-    return _made[search]
+    if regression not in _made:
+        _made[regression] = _kernels(regression)
+    return _made[regression]
 
 
-def without(search: Regression, rows: NDArray[np.bool_]) -> Regression:
+def without(regression: Regression, rows: NDArray[np.bool_]) -> Regression:
     """The same regression with the same kernels, but without some rows (n,)."""
-    other = search.without(rows)
-    _made[other] = kernels(search)
+    other = regression.without(rows)
+    _made[other] = kernels(regression)
     return other
 
 
-def within(k: Kernel, rows: NDArray[np.bool_], search: Regression) -> Kernel:
+def within(k: Kernel, rows: NDArray[np.bool_], regression: Regression) -> Kernel:
     """A kernel that acts in some rows (n,) alone."""
-    features = _thin(np.where(rows[:, None], k.features, 0.0), search, WITHIN)
+    features = _thin(np.where(rows[:, None], k.features, 0.0), regression, WITHIN)
     return replace(k, features=features, sign=None if k.sign is None else np.where(rows, k.sign, 0.0))
 
 
 def narrow(
-    search: Regression,
+    regression: Regression,
     features: Mapping[str, Array],
     terms: Mapping[str, tuple[CandidateTerm, ...]],
     coarse: float,
 ) -> Regression:
     """The same regression, whose kernels of the laws of some names are `features` (n, k) and the kernel as it
     was at the prior `coarse`; the fitted `terms` are candidate terms of their mechanisms."""
-    other = copy(search)
+    other = copy(regression)
     other.fitted, other._candidate_terms = dict(terms), {}
-    off = _factors(search)
+    off = _factors(regression)
     made: list[Kernel] = []
-    for k in kernels(search):
+    for k in kernels(regression):
         if k.name in features and k.part == LAWS:
             law = replace(k, features=np.concatenate([features[k.name], k.features * coarse], axis=1))
-            own = next(m for m in search.library if m.effect == k.name)
-            law = replace(law, features=_thin(law.features, search, WITH_ERROR))
-            k = _with_error(search, law, own, off)
+            own = next(m for m in regression.library if m.effect == k.name)
+            law = replace(law, features=_thin(law.features, regression, WITH_ERROR))
+            k = _with_error(regression, law, own, off)
         made.append(k)
     _made[other] = tuple(made)
     return other
 
 
-def _kernels(search: Regression) -> tuple[Kernel, ...]:
-    off = _factors(search)
-    found = [k for m in search.library for k in _of_terms(search, candidate_terms(m, search.e), off)]
-    unknown = Kernel(UNKNOWN, _thin(_anything(search), search, UNNAMED), chance=Limits.nameless)
-    sensitivity = {p: search.e.sensitivity[p][:, None] * FREE[p] for p in search.parameters}
+def _kernels(regression: Regression) -> tuple[Kernel, ...]:
+    off = _factors(regression)
+    found = [
+        k for m in regression.library for k in _of_terms(regression, candidate_terms(m, regression.e), off)
+    ]
+    unknown = Kernel(UNKNOWN, _thin(_anything(regression), regression, UNNAMED), chance=Limits.nameless)
+    sensitivity = {p: regression.e.sensitivity[p][:, None] * FREE[p] for p in regression.parameters}
     return (*found, unknown, *(Kernel(p, x, part="parameter") for p, x in sensitivity.items()))
 
 
-def _of_terms(search: Regression, terms: Sequence[CandidateTerm], off: Array) -> list[Kernel]:
+def _of_terms(regression: Regression, terms: Sequence[CandidateTerm], off: Array) -> list[Kernel]:
     """One kernel of a name's constant terms with their error, and one of its terms that vary in time; terms
     may be in any order, `off` is that of `_factors`."""
     terms = sorted(terms, key=lambda t: repr(t.variants))
@@ -118,56 +122,56 @@ def _of_terms(search: Regression, terms: Sequence[CandidateTerm], off: Array) ->
     varying = [t for t in terms if t.varies_in_time]
     out = []
     if laws:
-        out.append(_with_error(search, _kernel(search, laws, LAW), laws[0].mechanism, off))
+        out.append(_with_error(regression, _kernel(regression, laws, LAW), laws[0].mechanism, off))
     if varying:
-        own = _kernel(search, varying, IN_TIME)
+        own = _kernel(regression, varying, IN_TIME)
         out.append(replace(own, chance=own.chance * Limits.not_always, part=VARYING))
     return out
 
 
-def _factors(search: Regression) -> Array:
+def _factors(regression: Regression) -> Array:
     """Functions (n, f) of common signals, by whose sum times OFF a law may be off."""
-    off = np.stack(_functions_of(STATES, search), axis=1)
-    off *= OFF / np.sqrt(np.mean(np.sum(off[search.rows] ** 2, axis=1)))
+    off = np.stack(_functions_of(STATES, regression), axis=1)
+    off *= OFF / np.sqrt(np.mean(np.sum(off[regression.rows] ** 2, axis=1)))
     return off.astype(np.float32)
 
 
-def _with_error(search: Regression, law: Kernel, m: Mechanism, off: Array) -> Kernel:
+def _with_error(regression: Regression, law: Kernel, m: Mechanism, off: Array) -> Kernel:
     """The kernel of a law, and its leading directions times the factors `off`. Beside a learned simulator
     laws alone are compared, because its own errors have such shapes too."""
-    if m.family not in FORCES or search.e.model_discrepancy != 0:
+    if m.family not in FORCES or regression.e.model_discrepancy != 0:
         return law
     products = law.features[:, :LEADING, None] * off[:, None, :]
     both = np.concatenate([law.features, products.reshape(len(off), -1)], axis=1)
-    return replace(law, features=_thin(both, search, WITH_ERROR))
+    return replace(law, features=_thin(both, regression, WITH_ERROR))
 
 
-def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int) -> Kernel:
+def _kernel(regression: Regression, terms: Sequence[CandidateTerm], most: int) -> Kernel:
     # of the same columns, which several terms have at other sizes
     power: dict[int, Array] = {}
     first: dict[int, CandidateTerm] = {}
-    typical = np.zeros(len(search.e))
+    typical = np.zeros(len(regression.e))
     for t in terms:
         key = id(t.columns)
         first.setdefault(key, t)
         power[key] = power.get(key, 0.0) + (t.prior.sd**2 + t.prior.mean**2) / len(terms)
         typical += t.columns.sum(axis=1)
     ends = np.cumsum([t.columns.shape[1] for t in first.values()])
-    features = np.empty((len(search.e), ends[-1]), dtype=np.float32)
+    features = np.empty((len(regression.e), ends[-1]), dtype=np.float32)
     for end, (key, t) in zip(ends, first.items(), strict=True):
         features[:, end - t.columns.shape[1] : end] = t.columns * np.sqrt(power[key])
     signed = all((t.prior.sign > 0).all() for t in terms)
     mechanism = terms[0].mechanism
     sign = typical if signed else None
-    return Kernel(mechanism.effect, _thin(features, search, most), sign, mechanism.chance(search.e))
+    return Kernel(mechanism.effect, _thin(features, regression, most), sign, mechanism.chance(regression.e))
 
 
-def _thin(features: NDArray[Any], search: Regression, most: int) -> NDArray[Any]:
+def _thin(features: NDArray[Any], regression: Regression, most: int) -> NDArray[Any]:
     """The leading directions of a kernel over the rows that count, (n, at most `most`), in single precision:
     of hours of driving they need the most memory by far."""
     gram = np.zeros((features.shape[1], features.shape[1]))
-    for begin in range(0, len(search.rows), CHUNK):
-        part = features[search.rows[begin : begin + CHUNK]].astype(np.float64)
+    for begin in range(0, len(regression.rows), CHUNK):
+        part = features[regression.rows[begin : begin + CHUNK]].astype(np.float64)
         gram += part.T @ part
     power, directions = np.linalg.eigh(gram)
     kept = np.argsort(power)[::-1][:most]
@@ -178,22 +182,24 @@ def _thin(features: NDArray[Any], search: Regression, most: int) -> NDArray[Any]
     return out
 
 
-def _anything(search: Regression) -> Array:
+def _anything(regression: Regression) -> Array:
     """Shares of the known forces that are smooth functions of common signals, as no single name has them."""
-    e = search.e
+    e = regression.e
     known = [np.nan_to_num(e[n]) * share for n, share in CARRIERS.items() if n in e.signals]
     carriers = np.stack([np.full(len(e), ALL_THE_TIME), *known], axis=1)
-    over = np.stack(_functions_of(VARIABLES, search), axis=1)
+    over = np.stack(_functions_of(VARIABLES, regression), axis=1)
     products = (carriers[:, :, None] * over[:, None, :]).reshape(len(e), -1)
     out = np.concatenate([carriers, products], axis=1) / 2.0
-    if search.parameters:  # whose forces have names
-        own = np.nan_to_num(np.stack([e.sensitivity[p] for p in search.parameters], axis=1))
-        out -= own @ np.linalg.lstsq(own[search.rows], out[search.rows], rcond=None)[0]
+    if regression.parameters:  # whose forces have names
+        own = np.nan_to_num(np.stack([e.sensitivity[p] for p in regression.parameters], axis=1))
+        out -= own @ np.linalg.lstsq(own[regression.rows], out[regression.rows], rcond=None)[0]
     return out
 
 
-def _functions_of(names: Sequence[str], search: Regression) -> list[Array]:
-    return [f for n in names if n in search.e.signals for f in _functions(search.e[n], search.rows)]
+def _functions_of(names: Sequence[str], regression: Regression) -> list[Array]:
+    return [
+        f for n in names if n in regression.e.signals for f in _functions(regression.e[n], regression.rows)
+    ]
 
 
 def _functions(x: Array, rows: NDArray[np.intp]) -> list[Array]:

@@ -131,7 +131,7 @@ def names(p: Posterior) -> Names:
     It is an effect if the probability that any of one family of these acts is `rules.named` or more: many
     names of which none is probable are none.
     """
-    rules = p.search.rules
+    rules = p.regression.rules
     acts = {n: p.inside(n) for n in dict.fromkeys(k.name for k in p.of) if n not in NO_NAME}
     left = {n: x for n, x in acts.items() if x.mean() >= Limits.rare}
     whole = tree_of(left)
@@ -160,7 +160,7 @@ def names(p: Posterior) -> Names:
 
 def _speed_error(p: Posterior, name: str) -> float:
     """Speed error (rms, m/s) that the mean force of a name adds up to within the longest free runs."""
-    e = p.search.e
+    e = p.regression.e
     force = np.where(e.everywhere().valid & ~e.held_out, p.force(name, p.inside(name)), 0.0)
     window = max(1, round(Limits.horizons_s[0] / e.dt))
     parts = [force[at : min(at + window, s.stop)] for s in e.drives for at in range(s.start, s.stop, window)]
@@ -183,19 +183,21 @@ def _named(p: Posterior, name: str, tree: Tree) -> Named:
     any name has on the simulator's own recordings."""
     acts, force = p.inside(name), p.force(name, p.inside(name))
     lasts = bool(p.lasts(name).sum() >= 0.5 * acts.sum())
-    sure = max(tree.families.values()) >= p.search.rules.stated
-    accepted = p.search.e.known_physics or (sure and p.gain(name) > _own_gain(p))
+    sure = max(tree.families.values()) >= p.regression.rules.stated
+    accepted = p.regression.e.known_physics or (sure and p.gain(name) > _reference_gain(p))
     return Named(name, tree, p.gain(name), force, accepted, acts, lasts)
 
 
-def _own_gain(p: Posterior) -> float:
+def _reference_gain(p: Posterior) -> float:
     """The gain that a name must exceed for a learned simulator, nats: the largest gain of any name, scaled to
     as much driving, on the simulator's own held-out recordings."""
-    own = p.search.own
-    if own is None:
+    reference = p.regression.reference
+    if reference is None:
         return 0.0
-    ratio = max(float(p.search.e.valid.sum()) / max(float(own.e.valid.sum()), 1.0), Limits.least_ratio)
-    return p.search.rules.discrepancy * ratio * max(gains(own).values())
+    ratio = max(
+        float(p.regression.e.valid.sum()) / max(float(reference.e.valid.sum()), 1.0), Limits.least_ratio
+    )
+    return p.regression.rules.discrepancy * ratio * max(gains(reference).values())
 
 
 def _explanations(acts: Mapping[str, Mask]) -> tuple[Explanation, ...]:
@@ -222,18 +224,18 @@ class Compared:
     caveats: tuple[str, ...] = ()
 
     @property
-    def search(self) -> Regression:
+    def regression(self) -> Regression:
         """The regression on which all names are compared."""
-        return self.posterior.search
+        return self.posterior.regression
 
     @property
     def share_compared(self) -> float:
         """The share of rows that are compared, in fitted and held-out drives."""
-        return float(self.search.e.everywhere().valid.mean())
+        return float(self.regression.e.everywhere().valid.mean())
 
     @property
     def fitted(self) -> Evidence:
         """The evidence of the fitted drives, with what their fit leaves out because it acts for seconds."""
-        e = self.search.e
+        e = self.regression.e
         rows = rows_of(self.events, len(e))
         return replace(e, valid=e.valid | (rows & e.everywhere().valid & ~e.held_out))

@@ -51,7 +51,7 @@ NO_NAME = (SLOW, PLACE, EACH_DRIVE, EVENT)  # blocks that are no mechanism
 class Posterior:
     """Posterior draws of which blocks act, and of their coefficients; blocks are in the order of `of`."""
 
-    search: Regression
+    regression: Regression
     of: tuple[Kernel, ...]
     at: tuple[NDArray[np.intp], ...]
     draws: Draws
@@ -94,7 +94,7 @@ class Posterior:
     def change(self, parameter: str, given: NDArray[np.bool_]) -> tuple[float, float]:
         """Mean and standard deviation of a parameter's relative change from the simulator as given, over the
         `given` draws (m,)."""
-        s, i = self.search, self.search.parameters.index(parameter)
+        s, i = self.regression, self.regression.parameters.index(parameter)
         j = next(j for j, k in enumerate(self.of) if k.name == parameter and k.part == "parameter")
         b = self.draws.coefficients[given]
         slope = self.prior.mean[i] + self.prior.sd[i] * b[:, i] + FREE[parameter] * b[:, self.at[j][0]]
@@ -112,7 +112,7 @@ class Posterior:
 
     def force(self, name: str, given: NDArray[np.bool_] | None = None) -> Array:
         """Posterior mean (n,) of a name's force, m/s^2, over all draws or the given ones."""
-        out = np.zeros(len(self.search.e))
+        out = np.zeros(len(self.regression.e))
         for j, k in enumerate(self.of):
             if k.name == name:
                 b = self.coefficients(j) if given is None else self.coefficients(j)[given]
@@ -127,67 +127,69 @@ class Posterior:
         for k, a in zip(self.of, self.at, strict=True):
             if np.abs(b[a]).max(initial=0.0) > 0:
                 own = own + k.features @ b[a]
-        series = self.search.series
+        series = self.regression.series
         return replace(series, y=np.where(series.valid, series.y - own, 0.0))
 
     def beside(self, more: Sequence[Kernel]) -> Reduced:
         """The blocks of this posterior with `more` of them behind, without draws."""
-        y = self.search.series.y - self.mean
-        blocks = _blocks(self.search, (*self.of, *more), self.always, y, self.noise)
+        y = self.regression.series.y - self.mean
+        blocks = _blocks(self.regression, (*self.of, *more), self.always, y, self.noise)
         return Reduced(blocks, np.arange(self.always.shape[1]))
 
     def on_columns(self, name: str, columns: Array, given: NDArray[np.bool_]) -> Array:
         """Coefficients (g, k) of columns (n, k) whose force is nearest to the name's in each of the `given`
         draws (m,)."""
-        X = np.nan_to_num(columns[self.search.rows])
+        X = np.nan_to_num(columns[self.regression.rows])
         H = X.T @ X
         H += np.eye(len(H)) * (RIDGE * np.trace(H) / max(len(H), 1) + 1e-12)
         out = np.zeros((int(given.sum()), len(H)))
         for j, k in enumerate(self.of):
             if k.name == name:
-                onto = X.T @ np.nan_to_num(k.features[self.search.rows])
+                onto = X.T @ np.nan_to_num(k.features[self.regression.rows])
                 out += self.coefficients(j)[given] @ np.linalg.solve(H, onto).T
         return out
 
 
 def posterior(
-    search: Regression,
+    regression: Regression,
     extra: Sequence[Kernel] = (),
     *,
     seed: int = 0,
     sweeps: int = SWEEPS,
     noise: Fit | None = None,
 ) -> Posterior:
-    """Draws from the posterior of all blocks of a search, and of those that are `extra`; beside `noise` that
-    is known, else that of `first_look`."""
+    """Draws from the posterior of all blocks of a regression, and of those that are `extra`; beside `noise`
+    that is known, else that of `first_look`."""
     if noise is None:
-        noise = first_look(search, extra, seed=seed).noise
-    return _drawn(search, extra, seed, sweeps, noise)
+        noise = first_look(regression, extra, seed=seed).noise
+    return _drawn(regression, extra, seed, sweeps, noise)
 
 
-def first_look(search: Regression, extra: Sequence[Kernel] = (), *, seed: int = 0) -> Posterior:
+def first_look(regression: Regression, extra: Sequence[Kernel] = (), *, seed: int = 0) -> Posterior:
     """A few draws from the posterior, and the noise that is fitted beside their mean forces."""
-    noise = search.background(()).fit
-    few, rounds = KNOWN if search.e.known_physics else LEARNED
+    noise = regression.background(()).fit
+    few, rounds = KNOWN if regression.e.known_physics else LEARNED
     for _ in range(rounds):
-        p, before = _drawn(search, extra, seed, few, noise), noise.sigma
-        noise = fit(p.left_over(), np.zeros((len(search.e), 0)), NO_COLUMNS, noise)
+        p, before = _drawn(regression, extra, seed, few, noise), noise.sigma
+        noise = fit(p.left_over(), np.zeros((len(regression.e), 0)), NO_COLUMNS, noise)
         if abs(noise.sigma - before) < STEADY * before:
             break
     return replace(p, noise=noise)
 
 
-def _drawn(search: Regression, extra: Sequence[Kernel], seed: int, sweeps: int, noise: Fit) -> Posterior:
-    X, prior, _ = search.design(search.model((), frozenset()))
-    of = (*kernels(search), *extra, *_drift(search))
-    error = _form_error(search)
+def _drawn(regression: Regression, extra: Sequence[Kernel], seed: int, sweeps: int, noise: Fit) -> Posterior:
+    X, prior, _ = regression.design(regression.model((), frozenset()))
+    of = (*kernels(regression), *extra, *_drift(regression))
+    error = _form_error(regression)
     always = np.concatenate([X * prior.sd, error], axis=1)
     mean = X @ prior.mean
-    blocks = _blocks(search, of, always, search.series.y - mean, noise)
+    blocks = _blocks(regression, of, always, regression.series.y - mean, noise)
     first = np.arange(always.shape[1])
-    draws = sample(blocks, first, search.rules.evidence_temperature, Limits.law_error, seed, sweeps=sweeps)
+    draws = sample(
+        blocks, first, regression.rules.evidence_temperature, Limits.law_error, seed, sweeps=sweeps
+    )
     at = tuple(blocks.at)
-    return Posterior(search, of, at, draws, always, error.shape[1], mean, noise, prior)
+    return Posterior(regression, of, at, draws, always, error.shape[1], mean, noise, prior)
 
 
 def _places_of(always: Array, of: Sequence[Kernel]) -> tuple[NDArray[np.intp], ...]:
@@ -196,56 +198,56 @@ def _places_of(always: Array, of: Sequence[Kernel]) -> tuple[NDArray[np.intp], .
     return tuple(np.arange(a, b) for a, b in itertools.pairwise(ends))
 
 
-def _blocks(search: Regression, of: Sequence[Kernel], always: Array, y: Array, noise: Fit) -> Blocks:
+def _blocks(regression: Regression, of: Sequence[Kernel], always: Array, y: Array, noise: Fit) -> Blocks:
     """Inner products of all blocks, given the noise."""
-    gram, pull = _products(search, [always, *(k.features for k in of)], y, noise)
-    nameless = search.rules.odds if search.e.has(FELT) else DRIFT_ODDS
+    gram, pull = _products(regression, [always, *(k.features for k in of)], y, noise)
+    nameless = regression.rules.odds if regression.e.has(FELT) else DRIFT_ODDS
     each = {**dict.fromkeys(NO_NAME, nameless), SLOPE: DRIFT_ODDS, EVENT: DRIFT_ODDS}
-    odds = np.log([each.get(k.part, search.rules.odds) * k.chance for k in of])
-    signed = [None if k.sign is None else _signed(k, search) for k in of]
+    odds = np.log([each.get(k.part, regression.rules.odds) * k.chance for k in of])
+    signed = [None if k.sign is None else _signed(k, regression) for k in of]
     law = np.array([k.part in (LAWS, VARYING, IN_EVENTS) for k in of])
     return Blocks(gram, pull, _places_of(always, of), odds, signed, law)
 
 
-def _form_error(search: Regression) -> Array:
+def _form_error(regression: Regression) -> Array:
     """Model-form error (n, k): what the equations of mechanisms may be wrong by, as functions of common
     signals with a share of the residual's lasting standard deviation (model discrepancy as in Kennedy and
     O'Hagan, J. R. Stat. Soc. B 63, 2001). Without it the larger an effect is, the more probable would be what
     merely resembles it."""
-    anything = next(k.features for k in kernels(search) if k.name == UNKNOWN)
-    rows = search.rows
+    anything = next(k.features for k in kernels(regression) if k.name == UNKNOWN)
+    rows = regression.rows
     own = float(np.sqrt(np.mean(np.sum(anything[rows] ** 2, axis=1)))) if len(rows) else 0.0
-    size = Limits.form_error * _lasting(search)
+    size = Limits.form_error * _lasting(regression)
     out: Array = np.nan_to_num(anything) * (size / max(own, 1e-12))
     return out
 
 
-def _lasting(search: Regression) -> float:
+def _lasting(regression: Regression) -> float:
     """Standard deviation (m/s^2) of what of the residual outlasts LASTING rows: the root of its
     autocovariance."""
-    known = np.zeros(len(search.e), dtype=bool)
-    known[search.rows] = True
+    known = np.zeros(len(regression.e), dtype=bool)
+    known[regression.rows] = True
     both = known[LASTING:] & known[:-LASTING]
-    y = search.e.residual - (search.e.residual[known].mean() if known.any() else 0.0)
+    y = regression.e.residual - (regression.e.residual[known].mean() if known.any() else 0.0)
     return float(np.sqrt(max(np.mean((y[LASTING:] * y[:-LASTING])[both]), 0.0))) if both.any() else 0.0
 
 
-def gains(search: Regression) -> dict[str, float]:
-    """Log evidence of each name alone over no effect, nats, along the drives of a search."""
-    p = posterior(search, sweeps=1)
+def gains(regression: Regression) -> dict[str, float]:
+    """Log evidence of each name alone over no effect, nats, along the drives of a regression."""
+    p = posterior(regression, sweeps=1)
     return {name: p.gain(name) for name in dict.fromkeys(k.name for k in p.of) if name not in NO_NAME}
 
 
-def weights(search: Regression, noise: Fit) -> Array:
+def weights(regression: Regression, noise: Fit) -> Array:
     """Weights (m,) of the rows that count, by which whitened columns are multiplied."""
-    rows = search.rows
+    rows = regression.rows
     heavy: Array = np.sqrt((TAIL + 1) / (TAIL + noise.innovations[rows] ** 2))
-    return heavy / (search.series.relative[rows] * noise.sigma)
+    return heavy / (regression.series.relative[rows] * noise.sigma)
 
 
-def _products(search: Regression, columns: Sequence[Array], y: Array, noise: Fit) -> tuple[Array, Array]:
+def _products(regression: Regression, columns: Sequence[Array], y: Array, noise: Fit) -> tuple[Array, Array]:
     """Inner products of whitened columns, and of these with y; rows are whitened in chunks to save memory."""
-    rows, weight = search.rows, weights(search, noise)
+    rows, weight = regression.rows, weights(regression, noise)
     k = sum(c.shape[1] for c in columns)
     gram, pull = np.zeros((k, k)), np.zeros(k)
     for begin in range(0, len(rows), CHUNK):
@@ -259,23 +261,23 @@ def _products(search: Regression, columns: Sequence[Array], y: Array, noise: Fit
     return gram, pull
 
 
-def _signed(k: Kernel, search: Regression) -> Array:
+def _signed(k: Kernel, regression: Regression) -> Array:
     assert k.sign is not None
-    rows = search.rows
+    rows = regression.rows
     out: Array = np.nan_to_num(k.features[rows]).T @ k.sign[rows]
     return out / max(float(np.linalg.norm(out)), 1e-12)
 
 
-def _drift(search: Regression) -> list[Kernel]:
+def _drift(regression: Regression) -> list[Kernel]:
     """Blocks that are no mechanism: slow in time, dependent on road position, constant in a drive; and an
     unrecorded slope."""
-    e, rows = search.e, search.rows
+    e, rows = regression.e, regression.rows
     fitted = [i for i, s in enumerate(e.drives) if not s.held_out]
     drive = np.stack([e.record == i for i in fitted], axis=1).astype(float)
-    place = _places(search)
-    out = [Kernel(SLOW, DRIFT * _knots(search), part=SLOW)]
-    if not e.has("grade") and LIBRARY.of_input("grade") in search.library:
-        out.append(_slope(search))
+    place = _places(regression)
+    out = [Kernel(SLOW, DRIFT * _knots(regression), part=SLOW)]
+    if not e.has("grade") and LIBRARY.of_input("grade") in regression.library:
+        out.append(_slope(regression))
     if place is not None:
         out.append(Kernel(PLACE, DRIFT * place, part=PLACE))
     if len(fitted) > 1:
@@ -283,16 +285,16 @@ def _drift(search: Regression) -> list[Kernel]:
     return out
 
 
-def _slope(search: Regression) -> Kernel:
+def _slope(regression: Regression) -> Kernel:
     """A slope that the simulator is not given: splines over distance within each drive, fine and coarse.
 
     An accelerometer is one more channel of the evidence. Of all forces only slopes part it from dv/dt, so
     that given its reading a slope is N(felt, sd^2) in the place of N(0, HILLY^2): a slow force that it did
     not feel is wind, drag or load.
     """
-    e = search.e
+    e = regression.e
     along, unknown = np.nan_to_num(e["distance"]), np.full(len(e), np.nan)
-    hills = np.concatenate([_splines(search, along, knot) for knot in (FINE_M, COARSE_M)], axis=1)
+    hills = np.concatenate([_splines(regression, along, knot) for knot in (FINE_M, COARSE_M)], axis=1)
     gain = e.signals.get("effective_mass_gain", np.ones(len(e)))
     sd = e.signals.get(FELT_SD, unknown)
     columns = (GRAVITY * gain * np.where(np.isfinite(sd), sd, HILLY))[:, None] * hills
@@ -302,16 +304,16 @@ def _slope(search: Regression) -> Kernel:
     return Kernel(LIBRARY.of_input("grade").effect, columns, part=SLOPE)
 
 
-def _knots(search: Regression) -> Array:
+def _knots(regression: Regression) -> Array:
     """A linear spline over time within each drive, (n, k)."""
-    e = search.e
-    return _splines(search, np.arange(len(e), dtype=np.float64) * e.dt, SLOW_S)
+    e = regression.e
+    return _splines(regression, np.arange(len(e), dtype=np.float64) * e.dt, SLOW_S)
 
 
-def _splines(search: Regression, along: Array, least: float) -> Array:
+def _splines(regression: Regression, along: Array, least: float) -> Array:
     """A linear spline over `along` (n,), which increases within each drive, with knots `least` apart, or
     farther if MOST_KNOTS would be exceeded, (n, k)."""
-    e = search.e
+    e = regression.e
     fitted = [s for s in e.drives if not s.held_out]
     spacing = max(least, sum(float(np.ptp(along[s.rows])) for s in fitted) / MOST_KNOTS)
     parts = []
@@ -324,10 +326,10 @@ def _splines(search: Regression, along: Array, least: float) -> Array:
     return np.concatenate(parts, axis=1)
 
 
-def _places(search: Regression) -> Array | None:
+def _places(regression: Regression) -> Array | None:
     """A linear spline over road positions that more than one drive passes, (n, k); None if hardly any of the
     road is driven twice."""
-    e = search.e
+    e = regression.e
     known = e.valid & (e["place"] >= 0.0)
     if not known.any() or np.array_equal(e["place"], e["distance"]):  # positions were not recorded
         return None
@@ -349,8 +351,8 @@ def without_roads(e: Evidence) -> Evidence:
     slow: by the accelerometer, or else as a spline over distance."""
     if e.has("grade"):
         return e
-    search = Regression(e)
-    road, slow = _slope(search).features, DRIFT * _knots(search)
+    regression = Regression(e)
+    road, slow = _slope(regression).features, DRIFT * _knots(regression)
     X = np.nan_to_num(np.concatenate([road, slow], axis=1).astype(np.float64))
     y = np.where(e.valid, e.residual, 0.0)
     white = 1.4826 * float(np.median(np.abs(np.diff(y[e.valid])))) / np.sqrt(2.0)

@@ -117,7 +117,7 @@ class Regression:
         ]
         gain = evidence.signals.get("effective_mass_gain", np.ones(len(evidence)))[evidence.valid]
         self.mass_gain = float(np.median(gain)) if len(gain) else 1.0
-        self.own = Regression(evidence.reference) if evidence.reference is not None else None
+        self.reference = Regression(evidence.reference) if evidence.reference is not None else None
         self.fitted: dict[str, tuple[CandidateTerm, ...]] = {}  # at constants that fit these data
         self._candidate_terms: dict[str, list[CandidateTerm]] = {}
         self._models: dict[tuple[object, ...], Model] = {}

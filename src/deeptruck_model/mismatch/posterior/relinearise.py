@@ -38,27 +38,27 @@ def at_fitted_parameters(
     """The regression at the parameters that fit best without an effect, of the fitted drives; at the given
     parameters if changing them explains no more."""
     about = _About(simulator, drives, e, seed, say)
-    first = search = Regression(e.to_fit(), exclude=exclude)
-    here = search.background(())
-    loaded = search.background(_own_loads(search))
+    first = regression = Regression(e.to_fit(), exclude=exclude)
+    here = regression.background(())
+    loaded = regression.background(_own_loads(regression))
     differs = loaded.score > here.score + e.rules.parameter_gain
     here = loaded if differs else here
     for step in range(STEPS):
-        anew = about.evidence_at(search, here, SETTLED if step else FAR)
+        anew = about.evidence_at(regression, here, SETTLED if step else FAR)
         if anew is None:
             break
         further = Regression(anew.to_fit(), exclude=exclude)
         there = further.background(_own_loads(further) if differs else ())
-        if not step and not _better(search, here, further, there):
+        if not step and not _better(regression, here, further, there):
             return first
-        search, here = further, there
-    return search
+        regression, here = further, there
+    return regression
 
 
-def _own_loads(search: Regression) -> tuple[CandidateTerm, ...]:
+def _own_loads(regression: Regression) -> tuple[CandidateTerm, ...]:
     """A separate load for every drive; empty if payload changes are excluded, or there are too few drives."""
     load = LIBRARY.of_input("mass")
-    terms = search.candidate_terms(load) if load in search.library else ()
+    terms = regression.candidate_terms(load) if load in regression.library else ()
     return tuple(t for t in terms if all(isinstance(v.course, EachDrive) for v in t.variants))
 
 
@@ -76,13 +76,13 @@ def refitted(
     Many steps are needed if mass and gains change together.
     """
     about = _About(simulator, drives, e, seed, say)
-    search = Regression(e.to_fit())
+    regression = Regression(e.to_fit())
     for _ in range(CLOSER_STEPS):
-        anew = about.evidence_at(search, search.model((), free), CLOSE, free)
+        anew = about.evidence_at(regression, regression.model((), free), CLOSE, free)
         if anew is None:
             break
-        search = Regression(anew.to_fit())
-    return search, search.model((), free)
+        regression = Regression(anew.to_fit())
+    return regression, regression.model((), free)
 
 
 @dataclass(frozen=True)
@@ -96,21 +96,21 @@ class _About:
     say: Callable[[str], None]
 
     def evidence_at(
-        self, search: Regression, model: Model, least: float, among: frozenset[str] | None = None
+        self, regression: Regression, model: Model, least: float, among: frozenset[str] | None = None
     ) -> Evidence | None:
         """The evidence at the parameters of a model, of which only those `among` change (None: all).
 
         None if no parameter changes by more than `least`.
         """
         own = self.simulator.parameters()
-        may = search.parameters if among is None else among
-        change = {p: model.moved(p) for p in search.parameters if p in own and p in may}
+        may = regression.parameters if among is None else among
+        change = {p: model.moved(p) for p in regression.parameters if p in own and p in may}
         if all(abs(c) <= least for c in change.values()):
             return None
         self.say("linearising about refitted parameters")
-        total = {p: search.e.total_change(p, c) for p, c in change.items()}
+        total = {p: regression.e.total_change(p, c) for p, c in change.items()}
         possible = {
-            p: float(np.clip(c, *search.e.vehicle.possible(p)))
+            p: float(np.clip(c, *regression.e.vehicle.possible(p)))
             for p, c in total.items()
             if abs(c) > Limits.least_shift
         }
@@ -141,7 +141,7 @@ def about_the_mean(
 
     The posterior may be linearised elsewhere, at parameters that compensate what it then names.
     """
-    e, own = p.search.e, simulator.parameters()
+    e, own = p.regression.e, simulator.parameters()
     mean = {n: x for n, x in changes.items() if n in own}
 
     def near(moved: Mapping[str, float]) -> bool:

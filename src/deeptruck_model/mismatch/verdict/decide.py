@@ -207,7 +207,7 @@ def unusable(drives: PreparedDrives) -> Verdict:
 
 def conclude(c: Compared, correction: Correction, driven: Validated, stated: Stated) -> Verdict:
     """The verdict from all results of the comparison, of which nothing is measured again."""
-    rules, found = c.search.rules, stated.findings
+    rules, found = c.regression.rules, stated.findings
     sure = [f.stated != ROOT for f in found]
     numbers = replace(_numbers(c, driven), kinds=[f.kind for f in found], sure=sure)
     kind = conclusion(numbers, rules)
@@ -233,7 +233,7 @@ def conclude(c: Compared, correction: Correction, driven: Validated, stated: Sta
 def name_tree(c: Compared, slope: Named | None) -> tuple[Node, ...]:
     """The tree of the unrecorded slope if it states a name; else the probabilities of all names, after that
     of none."""
-    if slope is not None and slope.tree.stated(c.search.rules.stated) != ROOT:
+    if slope is not None and slope.tree.stated(c.regression.rules.stated) != ROOT:
         return slope.tree.nodes()
     return (Node("nothing", ROOT, round(c.names.nothing, 4)), *c.names.tree.nodes())
 
@@ -241,7 +241,7 @@ def name_tree(c: Compared, slope: Named | None) -> tuple[Node, ...]:
 def tolerated(c: Compared, driven: Validated) -> tuple[float, float]:
     """The simulator's speed error, and that up to which it is good enough, m/s."""
     numbers = _numbers(c, driven)
-    return numbers.error, tolerance(numbers.reference_error, c.search.rules)
+    return numbers.error, tolerance(numbers.reference_error, c.regression.rules)
 
 
 def _numbers(c: Compared, driven: Validated) -> Numbers:

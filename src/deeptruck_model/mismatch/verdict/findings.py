@@ -45,7 +45,7 @@ def findings(
     """The findings: sensor faults, the road, every accepted name, differences between drives, and slow or
     position-dependent forces if the simulator's error exceeds `tolerance`, m/s. Sizes are absent if no
     correction was correction."""
-    e, rules = c.fitted, c.search.rules
+    e, rules = c.fitted, c.regression.rules
     behind = names_behind([p.recording for p in c.drives.prepared], c.drives.missing)
     out = [of_fault(f) for f in c.drives.faults]
     of_road = _of_road(c, road, rules)
@@ -172,14 +172,14 @@ def _nameless(c: Compared, part: str, p: float, share: float, force: Array) -> F
     """A part of the budget as a finding without a name, with the signal to record to find its cause."""
     named = Named(UNKNOWN, Tree({UNKNOWN: p}), 0.0, force)
     f = _finding(c, named, Kind.PHYSICS, wording.DRIFT[part], force)
-    record = wording.to_record(part, grade=c.search.e.has("grade") or c.search.e.has(FELT))
+    record = wording.to_record(part, grade=c.regression.e.has("grade") or c.regression.e.has(FELT))
     return replace(f, separating_manoeuvre=record, share_of_error=share)
 
 
 def _constants(c: Compared) -> tuple[Array, dict[str, Size]]:
     """The constant force of each fitted drive relative to the median drive: the force (n,), m/s^2, and its
     size by drive, with the 95 % interval of the draws that include it."""
-    e, p = c.search.e, c.posterior
+    e, p = c.regression.e, c.posterior
     fitted = [s for s in e.drives if not s.held_out]
     (block,) = (j for j, k in enumerate(p.of) if k.name == EACH_DRIVE)
     features = p.of[block].features[[s.start for s in fitted]]
@@ -196,20 +196,20 @@ def _constants(c: Compared) -> tuple[Array, dict[str, Size]]:
 def _of_parameter(c: Compared, named: Named, correction: Correction | None, rules: Rules) -> Finding | None:
     """A parameter error as the correction has it, with the wider interval of this and of the draws; None if
     it is no larger than any simulator's tolerance."""
-    name, search = named.name, c.search
+    name, regression = named.name, c.regression
     change, sd = c.posterior.change(name, named.given)
     if abs(change) - sd < rules.nearly_right:
         return None
     wide = Z95 * sd
     if correction is not None and (fitted := correction.changed.get(name)) is not None:
         change, wide = fitted.change, max(wide, fitted.change_ci95[1] - fitted.change)
-    low, high = search.e.vehicle.possible(name)
+    low, high = regression.e.vehicle.possible(name)
     ci95 = (max(change - wide, low), min(change + wide, high))
     sizes = {"relative_error": Size(change, "1", ci95)}
     if name in c.parameters:
         value, a, b = (c.parameters[name] * (1.0 + x) for x in (change, *ci95))
         sizes = {name: Size(value, PARAMETER_ERRORS[name].unit, (a, b))} | sizes
-    force = np.nan_to_num(search.e.sensitivity[name]) * change
+    force = np.nan_to_num(regression.e.sensitivity[name]) * change
     f = _finding(c, named, Kind.PARAMETER, wording.of_parameter(PARAMETER_ERRORS[name].says, change), force)
     manoeuvre = PARAMETER_ERRORS[name].manoeuvre
     return replace(f, parameters=sizes, depends_on=("all driving",), separating_manoeuvre=manoeuvre)
@@ -228,7 +228,7 @@ def of_fault(f: SensorFault) -> Finding:
 def _finding(c: Compared, named: Named, kind: Kind, says: str, force: Array) -> Finding:
     """A finding. The probability of its family is that of the whole tree, where other findings may share
     it."""
-    e, rules, first = c.fitted, c.search.rules, named.name
+    e, rules, first = c.fitted, c.regression.rules, named.name
     family = FAMILY.get(first, first)
     tree = c.names.tree if c.names.tree.names.get(first) == named.tree.names[first] else named.tree
     others = (n for n in named.tree.credible(rules.credible) if n != first)
@@ -254,7 +254,7 @@ def _finding(c: Compared, named: Named, kind: Kind, says: str, force: Array) -> 
 
 def _drawn(c: Compared, named: Named) -> Array | None:
     """The size of a force in each draw in which it acts (m,), relative to their mean; None if it has none."""
-    if not named.given.any() or not np.any(named.force[c.posterior.search.rows]):
+    if not named.given.any() or not np.any(named.force[c.posterior.regression.rows]):
         return None
     sizes = c.posterior.on_columns(named.name, named.force[:, None], named.given)[:, 0]
     return np.asarray(sizes / sizes.mean())

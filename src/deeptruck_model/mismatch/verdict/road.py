@@ -38,10 +38,10 @@ SLOWEST = 5.0  # m/s
 DOUBTFUL = 2.0  # robust sds from where a sample counts less
 
 
-def road(search: Regression) -> Named | None:
+def road(regression: Regression) -> Named | None:
     """The slow force along the drives of a regression, (n,) and 0 where it is unknown, by its most probable
     name, for a learned simulator without a recorded slope; None if no force is slow."""
-    e = search.e.everywhere()
+    e = regression.e.everywhere()
     if e.known_physics or e.has("grade") or e.has(FELT):
         return None
     plain = plain_truck(e)
@@ -60,7 +60,7 @@ def road(search: Regression) -> Named | None:
         "headwind": (2.0 * e["drag"] / speed, STRONGEST_WIND),
         "torque_derate": (np.maximum(plain.engine, 0.0), LARGEST_DERATE),
     }
-    offered = {m.effect for m in search.library}
+    offered = {m.effect for m in regression.library}
     weight = {
         name: float(np.exp(-0.5 * (2.0 * _needed(force, unit, known) / most) ** 2))
         for name, (unit, most) in causes.items()

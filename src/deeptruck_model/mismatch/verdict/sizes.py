@@ -40,7 +40,7 @@ def sizes_of(term: CandidateTerm, p: Posterior, given: Mask) -> dict[str, Size]:
     better than the arrival time of a command within a sample. A size whose interval holds zero is not
     identified, and left out, unless it is that of one drive.
     """
-    e, name = p.search.e, term.mechanism.effect
+    e, name = p.regression.e, term.mechanism.effect
     if not given.any():
         return {}
     drawn = p.on_columns(name, term.columns, given)

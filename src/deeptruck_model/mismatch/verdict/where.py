@@ -185,10 +185,10 @@ def _bound(name: str, low: float, high: float, extent: float, e: Evidence) -> Bo
 LEAST_DRIVES = {EACH_DRIVE: Limits.witness_drives, SLOW: Limits.witness_drives_slow}
 
 
-def witnesses(search: Regression, prepared: Sequence[Prepared], found: Budget) -> tuple[Witness, ...]:
+def witnesses(regression: Regression, prepared: Sequence[Prepared], found: Budget) -> tuple[Witness, ...]:
     """The channels that predict a constant per drive or a slow drift, best first, if that part has a share of
     at least `rules.witness`."""
-    e, rules = search.e, search.rules
+    e, rules = regression.e, regression.rules
     taken = {"speed", "acceleration", FELT, FELT_SD}
     for p in prepared:
         taken |= {*p.recording.interface.u, *p.recording.interface.w}
@@ -204,17 +204,17 @@ def witnesses(search: Regression, prepared: Sequence[Prepared], found: Budget) -
             x = grid.stack(
                 [p.recording.channels.get(name, np.full(len(p.recording), np.nan)) for p in prepared]
             )
-            share = _predicted(search, force, x, part)
+            share = _predicted(regression, force, x, part)
             if share > rules.witness:
                 out.append(Witness(name, part, share))
     return tuple(sorted(out, key=lambda w: -w.share))
 
 
-def _predicted(search: Regression, force: Array, x: Array, part: str) -> float:
+def _predicted(regression: Regression, force: Array, x: Array, part: str) -> float:
     """Share of the variance of a force's means (n,) that a linear function of a channel (n,) predicts,
     each drive by a fit to the others; zero where too few drives have the channel."""
-    e, used = search.e, np.zeros(len(search.e), dtype=bool)
-    used[search.rows] = True
+    e, used = regression.e, np.zeros(len(regression.e), dtype=bool)
+    used[regression.rows] = True
     means, owner = [], []
     for i, s in enumerate(e.drives):
         length = s.stop - s.start if part == EACH_DRIVE else max(1, round(SLOW_S / e.dt))

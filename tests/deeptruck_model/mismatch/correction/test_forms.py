@@ -42,8 +42,8 @@ def test_whatever_may_be_in_has_a_term_and_noise_has_none() -> None:
     quiet = posterior_of("none")
     lost = evidence(-0.3 * np.maximum(e["engine"], 0.0) * (e["speed"] > 18.0))
     loud = posterior(regression(lost), sweeps=40)
-    assert len(simplest_terms(quiet, quiet.search.e)) <= 1
-    assert simplest_terms(loud, loud.search.e)
+    assert len(simplest_terms(quiet, quiet.regression.e)) <= 1
+    assert simplest_terms(loud, loud.regression.e)
 
 
 def test_a_force_without_a_name_is_corrected_by_forms_of_any_mechanism() -> None:
@@ -52,24 +52,26 @@ def test_a_force_without_a_name_is_corrected_by_forms_of_any_mechanism() -> None
     force = features @ np.random.default_rng(1).standard_normal(features.shape[1])
     force *= 0.3 / force.std()
     p = posterior(regression(evidence(force)), sweeps=80)
-    assert p.probability(UNKNOWN) == 1.0 and not simplest_terms(p, p.search.e)
-    terms = nameless_terms(p, set(), p.search.e)
+    assert p.probability(UNKNOWN) == 1.0 and not simplest_terms(p, p.regression.e)
+    terms = nameless_terms(p, set(), p.regression.e)
     assert terms and all(t.general for t in terms)
-    columns = np.concatenate([np.nan_to_num(t.columns) for t in terms], axis=1)[p.search.rows]
-    left = force[p.search.rows] - columns @ np.linalg.lstsq(columns, force[p.search.rows], rcond=None)[0]
-    assert np.sum(left**2) < 0.3 * np.sum(force[p.search.rows] ** 2)
+    columns = np.concatenate([np.nan_to_num(t.columns) for t in terms], axis=1)[p.regression.rows]
+    left = (
+        force[p.regression.rows] - columns @ np.linalg.lstsq(columns, force[p.regression.rows], rcond=None)[0]
+    )
+    assert np.sum(left**2) < 0.3 * np.sum(force[p.regression.rows] ** 2)
 
 
 def test_a_force_in_one_condition_is_corrected_there_only() -> None:
     """A brake drags at high speed, as none of its laws does; the truck runs with it step by step."""
     p, m = posterior_of("none"), LIBRARY["dragging_brake"]
-    e, drags = p.search.e, -0.1 * (p.search.e["speed"] > 20.0)
-    term = _simplest(p.search, _options(p, m, drags, general=True), drags)
+    e, drags = p.regression.e, -0.1 * (p.regression.e["speed"] > 20.0)
+    term = _simplest(p.regression, _options(p, m, drags, general=True), drags)
     (where,) = {v.course for v in term.variants}
     assert isinstance(where, Where) and where.signal == "speed" and not where.below
     assert where.above == pytest.approx(20.0, abs=1.0)
     always = -0.1 * np.ones(N)
-    (v,) = _simplest(p.search, _options(p, m, always, general=True), always).variants
+    (v,) = _simplest(p.regression, _options(p, m, always, general=True), always).variants
     assert v.course == ALWAYS
     rebuilt = build(term.mechanism, term.variants)
     columns = np.stack(rows_of([c.expression for c in rebuilt], e), axis=1)
@@ -82,11 +84,11 @@ def test_a_name_is_corrected_by_the_force_that_its_draws_have() -> None:
     force = -0.3 * np.maximum(e["engine"], 0.0) * (e["speed"] > 20.0)
     p = posterior(Regression(evidence(force), exclude=set(LIBRARY) - {"driveline_loss"}), sweeps=40)
     (found,) = (f for f in names(p).found if f.name == "driveline_loss")
-    named = named_forces(p, [found], p.search.e)["driveline_loss"]
+    named = named_forces(p, [found], p.regression.e)["driveline_loss"]
     drawn = np.nan_to_num(named.term.columns) @ named.term.prior.mean
     assert np.corrcoef(drawn, force)[0, 1] > 0.9
     assert named.factor(2.0 * named.term.prior.mean) == pytest.approx(2.0)
-    assert named_forces(p, [replace(found, accepted=False)], p.search.e) == {}
+    assert named_forces(p, [replace(found, accepted=False)], p.regression.e) == {}
     assert "driveline_loss" not in {
-        t.mechanism.effect for t in nameless_terms(p, {"driveline_loss"}, p.search.e)
+        t.mechanism.effect for t in nameless_terms(p, {"driveline_loss"}, p.regression.e)
     }

@@ -23,7 +23,7 @@ def split(e: Evidence, given: Evidence) -> Budget:
 @cache
 def of(name: str) -> Budget:
     p = posterior_of(name)
-    return budget(p, p.search.e)
+    return budget(p, p.regression.e)
 
 
 @pytest.mark.parametrize("name", ["none", EACH_DRIVE, SLOW])

@@ -158,10 +158,10 @@ def test_events_are_found_beside_what_acts_always_and_left_out_of_its_fit() -> N
         assert max(overlaps(x, r) for x in happened) > 0.8
     outside = np.zeros(N, dtype=bool)
     outside[ROWS] = True
-    other = without(p.search, outside)
-    assert kernels(other) is kernels(p.search)
+    other = without(p.regression, outside)
+    assert kernels(other) is kernels(p.regression)
     assert not set(other.rows) & set(range(ROWS.start, ROWS.stop))
-    assert set(range(ROWS.start, ROWS.stop)) <= set(p.search.rows)
+    assert set(range(ROWS.start, ROWS.stop)) <= set(p.regression.rows)
     assert posterior(other, sweeps=5).probability("brake_gain") > 0.3
 
 
@@ -172,7 +172,7 @@ def test_what_acts_for_seconds_has_a_name_from_the_same_draws() -> None:
     p, happened = with_events(regression(evidence(lost)), 0)
     assert sum(max(overlaps(x, rows), 0.0) for x in happened) > 0.6
     within = rows_of(happened, N)
-    assert not within[p.search.rows].any()
+    assert not within[p.regression.rows].any()
     cause = names(p).found[0]
     assert FAMILY[cause.name] == "engine_driveline" and not cause.lasts
     assert cause.tree.families["engine_driveline"] >= 0.6

@@ -59,8 +59,8 @@ def test_a_constant_between_those_of_the_grid_is_found(looked: Posterior) -> Non
 
 def test_a_narrowed_kernel_holds_more_of_the_force_and_has_fewer_directions(looked: Posterior) -> None:
     narrow = narrowed(looked)
-    force = kept_brake(looked.search.e)
-    before, after = (held(looked, s, force) for s in (looked.search, narrow))
+    force = kept_brake(looked.regression.e)
+    before, after = (held(looked, s, force) for s in (looked.regression, narrow))
     assert after > 0.97
     assert after > before
     p = posterior(narrow, sweeps=60, noise=looked.noise)
@@ -72,9 +72,9 @@ def test_names_that_may_act_in_its_place_are_fitted_too(looked: Posterior) -> No
 
 
 def test_a_learned_simulator_keeps_its_kernels(looked: Posterior) -> None:
-    search = looked.search
-    learned = replace(looked, search=regression(replace(search.e, known_physics=False)))
-    assert narrowed(learned) is learned.search
+    search = looked.regression
+    learned = replace(looked, regression=regression(replace(search.e, known_physics=False)))
+    assert narrowed(learned) is learned.regression
 
 
 def test_a_mechanism_of_the_users_may_have_fitted_constants() -> None:

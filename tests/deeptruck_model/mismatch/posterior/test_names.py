@@ -37,12 +37,12 @@ class Draws:
         return [SimpleNamespace(name=n) for n in (*self.shares, SLOW)]
 
     @property
-    def search(self) -> Any:
+    def regression(self) -> Any:
         drives = (DriveRows("a", 0, 3, 0.0, False),)
         whole = SimpleNamespace(valid=np.ones(3, bool))
         e = SimpleNamespace(known_physics=self.known_physics, dt=0.2, drives=drives)
         e.everywhere, e.held_out = lambda: whole, np.zeros(3, bool)
-        return SimpleNamespace(own=None, rules=RULES, e=e)
+        return SimpleNamespace(reference=None, rules=RULES, e=e)
 
     def inside(self, name: str) -> np.ndarray:
         out = np.zeros(DRAWS, dtype=bool)

@@ -49,7 +49,7 @@ def test_what_follows_no_channel_is_a_drift_and_no_name(block: str) -> None:
     p = posterior_of(block)
     assert p.probability(block) > 0.7
     force = p.force(block)
-    assert np.corrcoef(force[p.search.rows], FORCES[block][p.search.rows])[0, 1] > 0.9
+    assert np.corrcoef(force[p.regression.rows], FORCES[block][p.regression.rows])[0, 1] > 0.9
 
 
 def test_a_drawn_force_has_the_coefficients_of_columns_that_make_it_up() -> None:
@@ -70,7 +70,7 @@ def without_slope(**options: Sequence[str]) -> Posterior:
 def test_hills_that_were_not_recorded_are_a_slope() -> None:
     p = without_slope()
     assert names(p).found[0].name == "road_grade"
-    force, rows = p.force("road_grade"), p.search.rows
+    force, rows = p.force("road_grade"), p.regression.rows
     assert np.corrcoef(force[rows], HILLS[rows])[0, 1] > 0.95
 
 
@@ -82,8 +82,8 @@ def test_a_slope_that_is_left_out_of_the_library_has_no_block() -> None:
 def test_the_mean_force_is_what_was_planted() -> None:
     p = posterior_of("brakes")
     first = names(p).found[0]
-    planted = FORCES["brakes"][p.search.rows]
-    left = first.force[p.search.rows] - planted
+    planted = FORCES["brakes"][p.regression.rows]
+    left = first.force[p.regression.rows] - planted
     assert np.sum(left**2) < 0.1 * np.sum(planted**2)
 
 

@@ -44,7 +44,7 @@ def compared(part: str) -> Compared:
 
 
 def _compared(p: Posterior) -> Compared:
-    e, drives = p.search.e, PreparedDrives((), (), (), (), (), (), None)
+    e, drives = p.regression.e, PreparedDrives((), (), (), (), (), (), None)
     return Compared({}, drives, e, p, names(p), budget(p, e))
 
 
@@ -99,7 +99,7 @@ def test_a_road_that_was_recovered_is_the_one_finding_of_its_name() -> None:
 def test_what_a_drive_has_of_its_own_has_a_size_by_drive() -> None:
     """Beside the middle one of three, whether or not the simulator is good enough."""
     (first,) = found(EACH_DRIVE, error=0.5 * RULES.visible)
-    e = compared(EACH_DRIVE).search.e
+    e = compared(EACH_DRIVE).regression.e
     for name, force in {"a": 0.1, "b": -0.04, "c": 0.0}.items():
         size = first.parameters[f"force[{name}]"]
         assert size.unit == "N"
@@ -158,7 +158,7 @@ def test_what_changes_within_seconds_is_said_as_such() -> None:
 def test_names_that_these_drives_do_not_distinguish_have_the_size_that_each_needs() -> None:
     """A rolling resistance of 0.1 m/s^2 at 20 m/s, where the mechanism has 0.03 as a rule."""
     p = posterior(regression(evidence(-0.1 * evidence()["speed"] / 20.0)), sweeps=40)
-    c, e = _compared(p), p.search.e
+    c, e = _compared(p), p.regression.e
     name = "rolling_resistance_speed"
     given = p.inside(name)
     terms = [t for t in simplest_terms(p, e) if t.mechanism.effect == name]

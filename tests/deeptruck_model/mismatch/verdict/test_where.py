@@ -71,6 +71,6 @@ def test_the_channel_that_follows_a_slow_force_is_its_witness() -> None:
     c = compared(TRUCK, fit, sets_aside=False)
     assert isinstance(c, Compared)
     assert c.budget.share(SLOW) > 0.3
-    seen = [w for w in witnesses(c.search, c.drives.prepared, c.budget) if w.part == SLOW]
+    seen = [w for w in witnesses(c.regression, c.drives.prepared, c.budget) if w.part == SLOW]
     assert seen[0].channel == "anemometer" and seen[0].share > 0.5
     assert "cabin_noise" not in [w.channel for w in seen]
