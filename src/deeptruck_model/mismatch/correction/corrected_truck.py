@@ -206,7 +206,9 @@ class CorrectedTruck:
             "gears": list(self.gears),
             "carried": self._carried,
             "mechanisms": {
-                t.effect: LIBRARY.files[t.effect] for t in self.terms if t.effect in LIBRARY.files
+                t.effect: LIBRARY.files[t.effect]
+                for t in self.terms
+                if t.effect in LIBRARY.own.keys() & LIBRARY.files.keys()
             },
         }
         (path / MANIFEST).write_text(json.dumps(manifest, indent=1))
