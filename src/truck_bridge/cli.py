@@ -80,7 +80,7 @@ def decode(
     log: Path,
     vehicle: Annotated[str, typer.Option(help="trucksim, freightliner, volvo or a YAML file")],
     out: Annotated[
-        Path | None, typer.Option(help="CSV of every valid sample: time,source,signal,value,unit")
+        Path | None, typer.Option(help="New CSV file of every valid sample: time,source,signal,value,unit")
     ] = None,
     channel: LogChannel = None,
 ) -> None:

@@ -64,8 +64,8 @@ def misfits(taken: Taken, given: Given) -> list[str]:
         if name not in lacking and here not in (None, "none", there):
             how = IN_PERCENT if (here, there) == ("bar", "percent") else ""
             found.append(
-                f"{given.name} has {name} in {here}, {taken.name} takes {there}; use another simulator, or "
-                f"import it with the simulator's unit{how}"
+                f"{given.name} has {name} in {here}, {taken.name} takes {there}; record it in that "
+                f"unit or use another simulator{how}"
             )
     return found
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -190,9 +191,13 @@ def apply(
     from deeptruck_model.mismatch import apply as apply_correction
     from deeptruck_model.mismatch import read
     from deeptruck_model.mismatch.report.lines import contains
+    from deeptruck_model.mismatch.verdict.result import Answer
 
     apply_correction(directory, out, refit=refit, overwrite=overwrite)
-    print(f"simulator in {out}", *contains(read(directory), refit=refit), sep="\n")
+    verdict = read(directory)
+    print(f"simulator in {out}", *contains(verdict, refit=refit), sep="\n")
+    if (advice := verdict.advice.get("apply")) is not None and advice.answer is not Answer.YES:
+        print(f"note: the report does not advise it: {advice.reason}", file=sys.stderr)
 
 
 def adapt(

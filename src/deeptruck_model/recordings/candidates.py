@@ -89,9 +89,10 @@ class Candidate:
         at = f" at {rate(self.topic)}" if self.topic else ""
         still = "; never changes here" if self.field.still else ""
         why = "; ".join(filter(None, (self.why, self.stated, span(self.field))))
-        return f"{why}{at}{still}{self._beyond()}"
+        return f"{why}{at}{still}{self.beyond}"
 
-    def _beyond(self) -> str:
+    @property
+    def beyond(self) -> str:
         """A warning if the values in this unit are impossible for a truck; none for a vector, because the
         range is that of one component."""
         if not self.unit or self.across or self.part:
@@ -132,7 +133,9 @@ class Proposal:
         )
         if set_points:
             return f"  commanded {set_points[-1].channel}"
-        return f"  {known[-1].channel}, {known[-1].unit or 'unit not known'}" if known else ""
+        if not known:
+            return ""
+        return f"  {known[-1].channel}, {known[-1].unit or 'unit not known'}{known[-1].beyond}"
 
     def taken(self, channel: str) -> Candidate | None:
         """The proposed candidate; None if there is none, or if its unit is not known."""

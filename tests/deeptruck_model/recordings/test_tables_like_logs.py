@@ -170,6 +170,17 @@ def test_units_behind_the_numbers(tmp_path: Path) -> None:
     assert "speed: {column: v, unit: km/h}" in suggest_columns(path).text()
 
 
+def test_a_unit_of_another_quantity_than_the_header_states_is_remarked(tmp_path: Path) -> None:
+    columns = drive()
+    path = write_csv(tmp_path / "t.csv", {"gas [%]" if n == "gas" else n: x for n, x in columns.items()})
+    for unit, remarked in (("N m", True), ("percent", False)):
+        meaning = with_channels(engine_command={"column": "gas [%]", "unit": unit})
+        account = import_table(path, meaning, tmp_path / unit[:1]).recordings[0].account
+        assert account is not None
+        said = "engine_command is taken in N m, but 'gas [%]' states %"
+        assert any(said in line for line in account.remarks) is remarked
+
+
 def test_words_for_states(tmp_path: Path) -> None:
     columns = drive()
     pressed = columns["brake"] > 0

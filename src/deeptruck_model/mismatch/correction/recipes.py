@@ -143,7 +143,7 @@ def needless(folds: Sequence[Fold], recipe: Recipe, found: Sequence[Named], stat
     whole = judged(folds, recipe)
     for name in (f.name for f in reversed(found) if f.name in recipe.names):
         less = whole.recipe.without(name)
-        if less.names and (without := judged(folds, less)).rms <= whole.rms:
+        if (without := judged(folds, less)).rms <= whole.rms:
             whole = without
             out.add(name)
     return frozenset(out)

@@ -256,7 +256,7 @@ def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
             if name in need and here != there:
                 raise InputError(
                     f"recording '{r.name}' has {name} in {here}, the simulator in {there}; "
-                    "import it with the simulator's unit"
+                    "record it in that unit, or use another simulator"
                 )
         if abs(r.dt - simulator.dt) > 1e-6:
             raise InputError(_other_rate(r, 1 / simulator.dt))

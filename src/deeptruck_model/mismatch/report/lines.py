@@ -319,7 +319,8 @@ def contains(v: Verdict, *, refit: bool = False) -> Iterator[str]:
         changed = [(n, x) for n, x in v.fit.corrected_parameters.items() if abs(x) >= WORTH_SAYING]
         added = [(n, x) for n, x in v.fit.corrected_forces.items() if x.value]
         parts = [_changed(n, x, v.fit.corrected_intervals.get(n)) for n, x in changed]
-        forms = f"forces without an accepted name, of the form of {', '.join(map(spoken, v.fit.forms))}"
+        of = f", of the form of {', '.join(map(spoken, v.fit.forms))}" if v.fit.forms else ""
+        forms = f"forces without an accepted name{of}"
         parts += [f"{forms if n == UNKNOWN else spoken(n)} {acting(x)}" for n, x in added]
         fitted = "for the least speed error" if v.fit.output_error else "to these drives"
         yield f"The correction contains, fitted {fitted}: {'; '.join(parts)}."

@@ -51,10 +51,13 @@ def findings(
     of_road = _of_road(c, road, rules)
     out += of_road
     road_names = {f.effect for f in of_road}  # whole, where the residual of a learned truck has a rest of it
-    for named in c.names.found:
+    needless = correction.needless if correction is not None else frozenset()
+    needed = [named for named in c.names.found if named.name not in needless]
+    if error > tolerance:  # no fit to other drives helps, but something is missing
+        needed = needed or list(c.names.found[:1])
+    for named in needed:
         f = _of_named(c, e, correction, named, rules) if named.name not in road_names else None
-        needed = correction is None or named.name not in correction.needless
-        if f is not None and named.accepted and needed and _longer_than_sensors(f, e):
+        if f is not None and named.accepted and _longer_than_sensors(f, e):
             each = tuple(_alternatives(c, correction, f, named))
             out.append(replace(f, missing_input=behind.get(f.effect, ""), alternatives=each))
     of_slope = not e.has("grade") and any(f.effect == LIBRARY.of_input("grade").effect for f in out)

@@ -116,6 +116,12 @@ def _values(table: Table, channel: str, column: Source) -> Array:
             f"{table.path}: cells of '{column.field}' are in {written}, and COLUMNS has another unit for "
             f"{channel}: give it unit: {written}"
         )
+    stated, taken = table[column.field].header.unit, column.convert.unit if column.convert else ""
+    if stated and taken and fits(channel, stated) and conversion(channel, stated).unit != taken:
+        table.account.remarks.append(
+            f"{channel} is taken in {taken}, but '{column.field}' states {stated}, which no "
+            "factor turns into it"
+        )
     return column(values)
 
 

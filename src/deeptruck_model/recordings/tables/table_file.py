@@ -141,7 +141,7 @@ def is_typed(path: Path) -> bool:
 def check_table(path: Path) -> None:
     """Raises InputError if there is no file that can be a table, nor a folder of its parts."""
     if not (path.is_dir() and any(path.rglob("*.parquet"))):
-        reading.check_file(path, "give a CSV or Parquet table")
+        reading.check_file(path, "give a table or a CAN log, or the folder of a bag or of Parquet files")
 
 
 def _typed_row(row: int) -> str:

@@ -55,6 +55,8 @@ def test_a_part_that_other_drives_do_not_need_is_left_out() -> None:
     assert needless(folds, whole, found, 0.9) == {"brake_gain", "turbo_lag"}  # this of the engine too
     assert needless(folds, whole, found, 0.6) == {"brake_gain"}
     assert needless(folds, Recipe((), frozenset(["brake_gain"])), found[1:2], 0.9) == set()  # a first one
+    exact = left_out_in_turn(e)
+    assert needless(exact, Recipe((), frozenset(["torque_gain"])), found[:1], 0.9) == {"torque_gain"}
 
 
 def test_every_set_of_parameters_is_a_recipe() -> None:

@@ -86,6 +86,18 @@ def test_the_cause_of_events_stands_beside_what_lasts() -> None:
     assert own.strength is not None and own.strength.share_of_time < 0.05
 
 
+@pytest.mark.parametrize(("error", "is_named"), [(0.5 * RULES.visible, False), (1.0, True)])
+def test_a_first_name_that_no_other_drive_needs_is_named_only_where_something_is_missing(
+    error: float, is_named: bool
+) -> None:
+    c = compared(SLOW)
+    slip = Named("wheel_slip", Tree({"wheel_slip": 0.95}), 50.0, 0.1 * FORCES[SLOW])
+    nothing = SimpleNamespace(needless=frozenset(["wheel_slip"]), forces={}, terms=(), changed={})
+    own = replace(c, names=replace(c.names, found=(slip,)))
+    all_of_it = findings(own, cast("Correction", nothing), None, error, RULES.visible)
+    assert ("wheel_slip" in {f.effect for f in all_of_it}) is is_named
+
+
 def test_a_road_that_was_recovered_is_the_one_finding_of_its_name() -> None:
     """The residual of a learned truck has a rest of the slope that the recordings have whole."""
     c, whole = compared(SLOW), 3.0 * FORCES[SLOW]
