@@ -15,8 +15,8 @@ def split_name(text: str) -> tuple[str | None, Path]:
 
 
 ONE_RUN = (
-    "a simulator runs free to the end of the drive, so that its error adds up; 'mismatch' and 'evaluate' "
-    "give that of free runs of 40 s"
+    "a simulator runs free to the end of the drive; 'mismatch' and 'evaluate' begin anew every 40 s, so that "
+    "their errors are others"
 )
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from deeptruck_core.account import Account
 from deeptruck_core.constants import DAY_S
 from truck_bridge.can_logs.frames import EXTENDED_MASK, Frame, Kind, of_raw
-from truck_bridge.can_logs.text_logs import lines_of
+from truck_bridge.can_logs.text_logs import lines_of, no_line
 from truck_bridge.can_logs.whole import COPY
 from truck_bridge.errors import InputError
 
@@ -36,7 +36,7 @@ def busmaster(path: Path, account: Account) -> Iterator[Frame]:
         account.total.read += 1
         found = _LINE.match(line.strip())
         if found is None:
-            raise InputError(f"{path}, line {number}: not a line of BUSMASTER: {line.strip()[:60]!a}")
+            raise no_line(path, number, "BUSMASTER", line)
         stamp = 3600.0 * int(found["h"]) + 60.0 * int(found["m"]) + int(found["s"])
         stamp += int(found["fraction"]) / 1e4
         if relative:

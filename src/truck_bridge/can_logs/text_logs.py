@@ -95,9 +95,7 @@ def candump(path: Path, account: Account) -> Iterator[Frame]:
             _leave_out_cut(path, number, account)
             return
         if frame is None:
-            raise InputError(
-                f"{path}, line {number}: not a line of candump{_why(line)}: {line.strip()[:60]!a}"
-            )
+            raise no_line(path, number, f"candump{_why(line)}", line)
         yield frame
     if above and above == account.total.read:
         raise InputError(f"{path}, line 1: not a line of candump, and none of its {above} lines is one")
@@ -138,7 +136,13 @@ def asc(path: Path, account: Account) -> Iterator[Frame]:
         elif event.split()[1:2] and not re.fullmatch(r"[0-9A-Fa-f]+x?", event.split()[1]):
             account.total.set_aside("lines with a name in place of an identifier", f"in line {number}")
         else:
-            raise InputError(f"{path}, line {number}: not a line of an ASC log: {line.strip()[:60]!a}")
+            raise no_line(path, number, "an ASC log", line)
+
+
+def no_line(path: Path, number: int, of: str, line: str) -> InputError:
+    """The refusal of a line that is damaged, or that no such log has."""
+    text = f"{path}, line {number}: not a line of {of}: {line.strip()[:60]!a}"
+    return InputError(f"{text}; remove it where the lines around it are sound")
 
 
 def lines_of(path: Path) -> Lines:

@@ -447,7 +447,8 @@ def what_to_do(v: Verdict) -> Iterator[str]:
             )
     if v.data.doubts:
         yield f"{opened(SETTLE)} and compare again; apply nothing before."
-    elif v.validated:
+        return
+    if v.validated:
         refit = v.fit is not None and v.fit.offered == REFIT
         offer = "the refitted parameters alone" if refit else "the correction"
         sensor = any(f.kind is Kind.SENSOR for f in v.findings)
