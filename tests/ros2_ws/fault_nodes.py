@@ -36,9 +36,10 @@ DISK_KIB = 4096
 NODES = ("can_bridge", "controller", "leader", "recorder", "emulator")
 TURNS_S = 0.06  # the axes' turns on the bus
 RUN_ENDS_S = 8.0  # the supervisor notices a death and ends the nodes one after the other
-# s from the fault to the begin of the graded release. A leader that falls silent is missed after the
-# controller's 0.3 s and the bridge's 0.15 s.
-WITHIN = {"controller": 0.2, "leader": 0.55, "emulator": 0.12, "recorder": math.inf}
+# s from the fault to the begin of the graded release. A radar that falls silent sees no vehicle after 0.3 s;
+# the controller bridges 3 s, and the bridge notices its silence after 0.15 s.
+WITHIN = {"controller": 0.2, "leader": 3.6, "emulator": 0.12, "recorder": math.inf}
+STOPPED_S = {"leader": 4.5}  # else 1.5
 
 
 @dataclass
@@ -117,12 +118,21 @@ def _fade_s(scene: Scene, since: float) -> float:
 
 
 def _ends(scene: Scene, since: float, within: float) -> Verdict:
-    """A graded release begins within a time, and then only frames that hand back leave."""
+    """A graded release begins within a time, and then only frames that hand back leave; or it brakes on."""
     latest = within + _fade_s(scene, since) + TURNS_S + SLACK
     scene.listen(latest + 1.0)
+    if _goes_on_braking(scene, since + within):
+        return [], math.nan
     reaction = _released(scene, since)
     slow = [] if reaction <= latest else [f"handed back after {reaction:.2f} instead of {latest:.2f} s"]
     return slow + only_releases(scene, since + latest), reaction
+
+
+def _goes_on_braking(scene: Scene, since: float) -> bool:
+    """Whether the brake is beyond `holds_beyond` and never falls, as where the shield braked at the loss."""
+    held = [demand for at, demand in scene.demands("brake") if at >= since]
+    (least,) = (axis.holds_beyond for axis in scene.vehicle.table.axes if axis.name == "brake")
+    return len(held) > 0 and bool((np.diff(held) >= 0.0).all()) and held[0] > least
 
 
 def killed(node: str) -> Callable[[Graph], Verdict]:
@@ -149,12 +159,12 @@ def _engine_lets_go(scene: Scene, since: float) -> Verdict:
 
 
 def stopped(node: str) -> Callable[[Graph], Verdict]:
-    """SIGSTOP for 1.5 s, then SIGCONT: what was lost stays lost."""
+    """SIGSTOP for STOPPED_S, then SIGCONT: what was lost stays lost."""
 
     def begin(run: Graph) -> Verdict:
         since = time.monotonic()
         run.signal(node, signal.SIGSTOP)
-        run.scene.listen(1.5)
+        run.scene.listen(STOPPED_S.get(node, 1.5))
         run.signal(node, signal.SIGCONT)
         woken = time.monotonic()
         if node == "recorder":
