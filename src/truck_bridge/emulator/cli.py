@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import signal
-import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -128,12 +127,12 @@ def _actions(option: str, text: str, known: Sequence[str]) -> list[Action]:
 
 
 def _drive(emulator: EcuEmulator, coming: list[Action], duration: float) -> None:
-    stop = threading.Event()
+    asked: list[int] = []  # signals: an Event whose lock is held by `wait` would never be set by a handler
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, lambda *_: stop.set())
+            signal.signal(number, lambda n, _: asked.append(n))
     start, engaged = time.monotonic(), math.inf
-    while not stop.is_set() and (now := time.monotonic()) - start <= duration:
+    while not asked and (now := time.monotonic()) - start <= duration:
         for action in list(coming):
             if now - (engaged if action.engaged else start) >= action.at:
                 coming.remove(action)
@@ -142,7 +141,7 @@ def _drive(emulator: EcuEmulator, coming: list[Action], duration: float) -> None
         emulator.step(now)
         if engaged == math.inf and any(not math.isnan(emulator.demand(axis)) for axis in emulator.receivers):
             engaged = now
-        stop.wait(0.002)
+        time.sleep(0.002)
 
 
 def main() -> None:
