@@ -12,18 +12,15 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.signal import savgol_filter
 from scipy.stats import theilslopes
 
-from deeptruck_core.arrays import Array
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.signals import SPEED
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.trucks import PARAMETERS, PhysicsTruck, Specification
 from deeptruck_model.trucks.specification import RECORDED_GEAR
-
-Mask = NDArray[np.bool_]
 
 LEAST_CHANGES = 20  # in each direction
 HELD_S = 1.0  # in a gear, before a change counts

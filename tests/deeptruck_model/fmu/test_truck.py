@@ -96,7 +96,7 @@ def test_the_environment_drives_it(own: Path) -> None:
     assert np.isfinite(observation).all() and np.isfinite(float(reward))
 
 
-# A correction of an FMU with a wrong mass is kept beside its reference, loads again, and drives better
+# A correction of an FMU with a wrong mass is kept with its reference, loads again, and drives better
 
 
 def test_the_corrected_fmu_loads_again_and_is_better(heavy: Path, tmp_path: Path) -> None:

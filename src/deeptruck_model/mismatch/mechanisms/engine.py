@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.mismatch.mechanisms.courses import slowly
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, grid
 from deeptruck_model.mismatch.mechanisms.symbols import (
@@ -17,7 +18,6 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     SIMULATED,
     SPEED,
     UPPER,
-    Array,
     geared,
     over,
     quantile,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.expression import (
     Change,
@@ -17,8 +18,6 @@ from deeptruck_model.mismatch.residual.expression import (
     maximum,
     minimum,
 )
-
-Array = NDArray[np.float64]
 
 SPEED, ENGINE, BRAKE = Signal("speed"), Signal("engine"), Signal("brake")
 DRAG, ROLLING = Signal("drag"), Signal("rolling")

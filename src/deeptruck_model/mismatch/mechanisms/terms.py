@@ -7,16 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Course, EachDrive, FromMoment, Spline, Where
 from deeptruck_model.mismatch.mechanisms.record import Column, Curve, Form, Mechanism, Variant
 from deeptruck_model.mismatch.residual.effective_mass import with_effective_mass
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.expression import Expression, Interpolated, Rerun, Signal, rows_of
 from deeptruck_model.mismatch.residual.noise import Prior
-
-Array = NDArray[np.float64]
 
 ACTING = 0.1  # of the carrier's largest: where it says little no knot is worth having
 NEAREST = 0.04  # of the whole way, between knots

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.json_data import HIDDEN, stored
 from deeptruck_model.mismatch.mechanisms.families import EVENT, FAMILY
 from deeptruck_model.mismatch.posterior.fitted import narrowed
@@ -39,8 +40,6 @@ from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, Ser
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.trucks.compiled import entry
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
 LENGTHS_S = (3, 4, 5, 6, 7, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60)

@@ -13,10 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, Mechanism, candidate_term, every_variant
 from deeptruck_model.mismatch.mechanisms.record import Form, Variant
 from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, narrow
@@ -24,8 +24,6 @@ from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, wei
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, State, gains_of, most_probable
 from deeptruck_model.mismatch.residual.noise import whiten
-
-Array = NDArray[np.float64]
 
 IN_PLACE = 0.5  # of a block's gain, from which on a name may act in its place
 MOST_NAMES = 12  # that are fitted, those that gain most

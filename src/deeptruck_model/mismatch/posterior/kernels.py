@@ -18,11 +18,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, Mechanism, candidate_terms
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression
 from deeptruck_model.mismatch.rules import Limits
-
-Array = NDArray[np.float64]
 
 UNKNOWN = "unknown"
 LAW, WITH_ERROR, IN_TIME, WITHIN, UNNAMED = 16, 32, 48, 5, 40  # leading directions kept of a kernel

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import FELT, FELT_SD
 from deeptruck_model.mismatch.mechanisms import LIBRARY
@@ -27,8 +28,6 @@ from deeptruck_model.mismatch.posterior.sampler import SIZES, SWEEPS, Blocks, Dr
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, Series, fit, ridge, whiten
 from deeptruck_model.mismatch.rules import Limits
-
-Array = NDArray[np.float64]
 
 SLOW_S = SLOW_KNOT_S[0]  # spacing of the knots in time: as fine as those of mechanisms
 MOST_KNOTS = 240  # wider apart where there would be more

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_model.mismatch.posterior.posterior import without_roads
 from deeptruck_model.mismatch.prepare.drives import with_felt_slope
@@ -16,8 +16,6 @@ from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE_S, Evidence
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Simulator
-
-Array = NDArray[np.float64]
 
 JOLTS = 0.02  # of the time, that count for nothing
 

@@ -13,16 +13,13 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, Mechanism, candidate_terms
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Fit, Prior, Series, fit
 from deeptruck_model.mismatch.residual.timing import sensor_terms
 from deeptruck_model.mismatch.rules import Rules
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 LARGEST_SLOPE = 0.75  # what four times the mass does
 HELD, PINNED = 0.01, 0.001

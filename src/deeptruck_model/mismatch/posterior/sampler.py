@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.special import log_ndtr
 
+from deeptruck_core.arrays import Array, Mask
 from deeptruck_model.trucks.compiled import entry
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Places = NDArray[np.intp]
 State = tuple[int, ...]  # of every block the place of its size in SIZES, or OUT
 
@@ -62,9 +61,9 @@ class Draws:
     unit: float
 
     @property
-    def inside(self) -> NDArray[np.bool_]:
+    def inside(self) -> Mask:
         """Which blocks are active, (m, blocks)."""
-        out: NDArray[np.bool_] = self.states != OUT
+        out: Mask = self.states != OUT
         return out
 
 

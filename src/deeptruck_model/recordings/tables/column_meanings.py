@@ -122,7 +122,7 @@ def _of_column(column: Column, system: str) -> list[Candidate]:
 def _candidate(
     column: Column, channel: str, asked: frozenset[str], units: list[str], stated: str, **more: Any
 ) -> Candidate:
-    """A column as a channel, by the words asked for; a unit that the header states is the surest."""
+    """A column as a channel, by words of its name; a unit that the header states is the surest."""
     why = f"by its name ({' '.join(sorted(asked))})" if asked else ""
     sure, unit = FIELD if column.header.unit else TOPIC, units[0] if len(units) == 1 else ""
     more |= {"stated": stated, "units": () if unit else tuple(units)}
