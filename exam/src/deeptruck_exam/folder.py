@@ -39,8 +39,8 @@ def check(out: Path) -> None:
 
 def check_plant(plant: str, out: Path) -> None:
     """Raises InputError for an unknown plant, or if a proof on it cannot be done in `out` (see `check`)."""
-    if plant not in ("fastsim", "multi-body"):
-        raise InputError(f"--plant: there is no '{plant}'; choose fastsim or multi-body")
+    if plant != "fastsim":
+        raise InputError(f"--plant: there is no '{plant}'; choose fastsim")
     PLANT.check(out, overwrite=True)  # what is scored there is kept
 
 

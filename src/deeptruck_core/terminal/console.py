@@ -25,7 +25,7 @@ EXTRA_OF = {  # of what a slim installation is without
     **dict.fromkeys(("can", "cantools"), "can"),
     **dict.fromkeys(("fmpy", "pythonfmu3"), "fmu"),
     "libsumo": "sumo",
-    **dict.fromkeys(("fastsim", "vehiclemodels"), "proof"),
+    "fastsim": "proof",
 }
 VALUES = {
     "out": "DIR",

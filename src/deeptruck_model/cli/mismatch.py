@@ -302,7 +302,7 @@ def prove(
     ] = None,
     plant: Annotated[
         str | None,
-        typer.Option(help="Vehicle that others wrote, with one property hidden: fastsim, multi-body."),
+        typer.Option(help="Truck that others wrote, with one property hidden: fastsim."),
     ] = None,
 ) -> None:
     """Examine the mismatch tool on effects that are hidden from it; resumes where it stopped.
@@ -320,10 +320,9 @@ def prove(
 
     if plant is not None:
         check_plant(plant, out)
-        from deeptruck_exam.plants.prove import prove_multi_body, prove_plant
+        from deeptruck_exam.plants.prove import prove_plant
 
-        examine = prove_plant if plant == "fastsim" else prove_multi_body
-        examine(out, range(seed, seed + (cases or PLANT_CASES)), jobs)
+        prove_plant(out, range(seed, seed + (cases or PLANT_CASES)), jobs)
         print(f"table in {out / 'plant.md'}")
         return
     if real is not None:

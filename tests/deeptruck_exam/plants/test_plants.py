@@ -10,7 +10,7 @@ import pytest
 
 from deeptruck_core.errors import InputError
 from deeptruck_exam.folder import check_plant
-from deeptruck_exam.plants import cases, fastsim_truck, multi_body, page, prove
+from deeptruck_exam.plants import cases, fastsim_truck, page, prove
 from deeptruck_exam.plants.fastsim_equations import LineHaul, make
 from deeptruck_exam.tool import ToolRun
 from deeptruck_model import simulators
@@ -24,7 +24,7 @@ needs_fastsim = pytest.mark.skipif(
 )
 
 
-def free_error(recording: Recording, simulator: LineHaul | multi_body.PointMass) -> float:
+def free_error(recording: Recording, simulator: LineHaul) -> float:
     """RMSE of the speed, m/s, of a free run along the whole recording."""
     y = recording.y[None]
     u, w = recording.u[None], recording.w[None]
@@ -140,43 +140,17 @@ def test_a_failed_run_is_run_again_and_a_scored_one_is_not(
 ) -> None:
     ends = [ToolRun(124, 1.0, {}, "stopped after 900 s"), ToolRun(0, 1.0, verdict("mass"), "")]
     monkeypatch.setattr(prove, "run_tool", lambda case, out: ends.pop(0))
-    monkeypatch.setitem(prove.PLANTS, "fastsim", prove.Plant(cases.CONCEALED, lambda *_, **__: []))
+    monkeypatch.setattr(cases, "drives", lambda *_, **__: [])
     (tmp_path / "cases" / "mass-3").mkdir(parents=True)
     for outcome in ("failed", "right", "right"):
-        prove._examine((tmp_path, "mass", 3, "sim", "learned", "fastsim"))
+        prove._examine((tmp_path, "mass", 3, "sim", "learned"))
         assert prove._kept(tmp_path, "mass", 3, "learned")["outcome"] == outcome
     assert not ends
 
 
-def test_the_point_mass_is_fit_for_use_and_carries_its_wheels() -> None:
-    loaded = simulators.load(multi_body.POINT_MASS)
-    assert not protocol_check.missing(protocol_check.examine(loaded))
-    truck, y0 = multi_body.make(), np.array([[0.0, 20.0], [0.0, 8.0]])
-    state, y = truck.step(truck.reset(y0), np.array([[60.0, 0.0], [0.0, 1.0]]), np.array([[0.01], [-0.02]]))
-    i = truck.inside(state)
-    weight = i["mass"] * multi_body.GRAVITY * np.sin(np.arctan([0.01, -0.02]))
-    force = i["traction_force"] - i["brake_force"] - i["drag_force"] - i["rolling_force"] - weight
-    np.testing.assert_allclose(i["effective_mass"] * y[:, 0], force, rtol=1e-6)
-    assert (i["effective_mass"] > 1.04 * i["mass"]).all()
-
-
-@pytest.mark.skipif(find_spec("vehiclemodels") is None, reason="commonroad-vehicle-models is not installed")
-def test_the_multi_body_car_drives_nearly_as_the_point_mass_until_brakes_are_weaker(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(multi_body, "SAMPLES", 300)
-    errors = {
-        key: np.mean(
-            [free_error(r, multi_body.make()) for r in multi_body.drives(multi_body.CONCEALED[key], 7)]
-        )
-        for key in ("nothing", "brake")
-    }
-    assert errors["nothing"] < 0.3 and errors["nothing"] < 0.5 * errors["brake"]
-
-
 def test_another_plant_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="there is no 'sumo'; choose fastsim or multi-body"):
-        check_plant("sumo", tmp_path / "out")
+    with pytest.raises(InputError, match="there is no 'multi-body'; choose fastsim"):
+        check_plant("multi-body", tmp_path / "out")
 
 
 @needs_fastsim

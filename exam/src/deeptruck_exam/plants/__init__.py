@@ -1,1 +1,1 @@
-"""Truck models by other authors, with one property concealed from the tool."""
+"""FASTSim's truck, with one property concealed from the tool."""

@@ -25,7 +25,7 @@ class Concealed:
     what: str
     name: str = ""
     kind: str = "parameter_error"
-    truth: Any = field(default_factory=plant.Truth)  # of the plant's own kind
+    truth: plant.Truth = field(default_factory=plant.Truth)
     each_drive: tuple[float, ...] = ()
     withholds: tuple[str, ...] = ()
 

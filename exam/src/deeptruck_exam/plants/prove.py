@@ -1,11 +1,9 @@
-"""`prove --plant`: hides one property at a time of a vehicle by other authors, and runs the tool."""
+"""`prove --plant fastsim`: hides one property at a time of FASTSim's truck, and runs the tool."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from importlib import import_module
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,48 +11,18 @@ from deeptruck_core import files
 from deeptruck_exam.cases.case import Case
 from deeptruck_exam.folder import PLANT
 from deeptruck_exam.jobs import in_parallel
-from deeptruck_exam.plants import cases, fastsim_truck, multi_body, page
+from deeptruck_exam.plants import cases, fastsim_truck, page
 from deeptruck_exam.plants.cases import CONCEALED, NAMES, Concealed
 from deeptruck_exam.plants.simulators import DATA_SHEET, OWN, SIMULATORS, make
 from deeptruck_exam.scoring.score import FAILED, score_names
 from deeptruck_exam.tool import ToolRun, run_tool
-from deeptruck_model.recordings import Recording
 
 FIT = NAMES[:-1]
-POINT = "point mass"
-Run = tuple[Path, str, int, str, str, str]  # folder, what is concealed, seed, simulator and its name, plant
+Run = tuple[Path, str, int, str, str]  # folder, what is concealed, seed, simulator and its name
 OFFERS = ("as_given", "parameters_only", "correction")  # `fit.offered` of verdict.json, as page.DRIVEN
 NULL, NULL_FACTOR = "nothing", 4  # nulls need numbers: of its own equations so many times the cases
 FEW = 2  # seeds of the data sheet, whose own differences take five times as long
 BLIND = "slope"  # concealed by not logging it, so that no simulator may ask for it
-
-
-@dataclass(frozen=True)
-class Plant:
-    """A vehicle by other authors: what is concealed in it, by key, and the drives of a case."""
-
-    concealed: Mapping[str, Concealed]
-    drives: Callable[..., list[Recording]]
-
-
-PLANTS = {
-    "fastsim": Plant(CONCEALED, cases.drives),
-    "multi-body": Plant(multi_body.CONCEALED, multi_body.drives),
-}
-
-
-def prove_multi_body(out: Path, seeds: Sequence[int], jobs: int = 1) -> list[dict[str, Any]]:
-    """Examine the tool on the multi-body car compared with a point mass, as `prove_plant` does. Raises
-    ModuleNotFoundError if the model is not installed."""
-    import_module("vehiclemodels")
-    with PLANT.in_place(out):
-        blind = out / "blind" / "equations.yaml"
-        blind.parent.mkdir(exist_ok=True)
-        blind.write_text("grade: false\n")
-        wanted = [(key, seed) for key in multi_body.CONCEALED for seed in seeds]
-        made = {BLIND: f"{multi_body.POINT_MASS}:{blind}"}
-        each = [(out, k, s, made.get(k, multi_body.POINT_MASS), POINT, "multi-body") for k, s in wanted]
-        return _rows(out, each, jobs, "multi-body")
 
 
 def prove_plant(
@@ -80,18 +48,13 @@ def prove_plant(
         blind = make(out / "blind", grade=False, updates=updates) if BLIND in concealed else {}
         wanted = [(key, seed, s) for s in simulators for key in concealed for seed in _seeds(seeds, key, s)]
         print(f"{len(wanted)} runs of the tool, 7 to 40 s each", flush=True)
-        each = [(out, k, seed, (blind if k == BLIND else made)[s], s, "fastsim") for k, seed, s in wanted]
-        return _rows(out, each, jobs, "fastsim")
-
-
-def _rows(out: Path, each: Sequence[Run], jobs: int, plant: str) -> list[dict[str, Any]]:
-    """The rows of all runs, which are made where they are not kept; writes plant.json and plant.md."""
-    for _ in in_parallel(_examine, each, jobs, "runs"):
-        pass
-    rows = [_kept(out, key, seed, simulator) for _, key, seed, _, simulator, _ in each]
-    files.write(out / "plant.json", json.dumps(rows, indent=1).encode())
-    files.write(out / "plant.md", "\n".join(page.lines(rows, plant)).encode())
-    return rows
+        each = [(out, k, seed, (blind if k == BLIND else made)[s], s) for k, seed, s in wanted]
+        for _ in in_parallel(_examine, each, jobs, "runs"):
+            pass
+        rows = [_kept(out, key, seed, simulator) for _, key, seed, _, simulator in each]
+        files.write(out / "plant.json", json.dumps(rows, indent=1).encode())
+        files.write(out / "plant.md", "\n".join(page.lines(rows)).encode())
+        return rows
 
 
 def _seeds(seeds: Sequence[int], key: str, simulator: str) -> Sequence[int]:
@@ -118,14 +81,14 @@ def _kept(out: Path, key: str, seed: int, simulator: str) -> dict[str, Any]:
 
 
 def _examine(work: Run) -> None:
-    out, key, seed, made, simulator, plant = work
+    out, key, seed, made, simulator = work
     if _kept(out, key, seed, simulator).get("outcome", FAILED) != FAILED:
         return
-    folder, concealed = _folder(out, key, seed), PLANTS[plant].concealed[key]
+    folder, concealed = _folder(out, key, seed), CONCEALED[key]
     geared = simulator == DATA_SHEET
     place = folder / "geared" if geared else folder
     if not (place / "recordings" / NAMES[-1]).exists():
-        cases.written(PLANTS[plant].drives(concealed, seed, geared=geared), place / "recordings")
+        cases.written(cases.drives(concealed, seed, geared=geared), place / "recordings")
     case = Case(place, made, FIT, NAMES[-1:], {}, "")
     path = _row(out, key, seed, simulator)
     run = run_tool(case, folder / f"found_{path.stem}")
