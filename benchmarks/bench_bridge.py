@@ -134,7 +134,9 @@ def main() -> None:
         rows += jitter_rows(name, options.seconds)
     rows.append(override_row(options.overrides))
     how = " with real-time priority" * bool(options.priority)
-    lines = harness.heading(f"CAN bridge{how}", f"; {harness.machine()}.")
+    lines = harness.heading(
+        f"CAN bridge{how}", f"; load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores at the end."
+    )
     harness.store("speed", [*lines, *harness.table("what | measured", rows)])
 
 

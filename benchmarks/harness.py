@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -22,8 +21,6 @@ from numpy.typing import NDArray
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"
 DATA = Path(os.environ.get("DEEPTRUCK_REAL_DATA", ROOT.parent / "shared" / "data"))  # real recordings
-TICK = os.sysconf("SC_CLK_TCK")
-HIDDEN = argparse.SUPPRESS
 
 
 def options(text: str | None, defaults: Mapping[str, Any]) -> argparse.Namespace:
@@ -66,32 +63,6 @@ def cpu_s(
         work()
         times[k] = clock() - began
     return times
-
-
-def processes_cpu_s(pids: Iterable[int]) -> float:
-    """CPU seconds that these running processes have used."""
-    total = 0
-    for pid in pids:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        total += int(fields[11]) + int(fields[12])
-    return total / TICK
-
-
-def children(pid: int) -> dict[int, str]:
-    """Command lines of a process's children."""
-    command = ["ps", "--ppid", str(pid), "-o", "pid=,args="]
-    listed = subprocess.run(command, capture_output=True, text=True, check=True)
-    lines = (line.strip().partition(" ") for line in listed.stdout.splitlines())
-    return {int(number): name for number, _, name in lines}
-
-
-def machine(load: float | None = None) -> str:
-    """Number of cores, load average (the present one, or one that was taken before) and real-time
-    priority."""
-    high = ", real-time priority (chrt -f 1)" if os.sched_getscheduler(0) == os.SCHED_FIFO else ""
-    when = "at the end" if load is None else "before"
-    load = os.getloadavg()[0] if load is None else load
-    return f"{os.cpu_count()} cores, load average {load:.1f} {when}{high}"
 
 
 def table(heads: str, rows: Iterable[str], *, right: bool = False) -> list[str]:
