@@ -75,8 +75,8 @@ class Browser:
         """A new page of this size."""
         target = self.call("Target.createTarget", url="about:blank", newWindow=True)["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        page = self._pages[session] = Page(self, session, target)
-        for domain in ("Page", "Runtime", "Log", "Network"):
+        page = self._pages[session] = Page(self, session)
+        for domain in ("Page", "Runtime", "Log"):
             page.call(f"{domain}.enable")
         page.call(
             "Emulation.setDeviceMetricsOverride",
@@ -98,8 +98,8 @@ class Browser:
 class Page:
     """One page: its content and its errors."""
 
-    def __init__(self, browser: Browser, session: str, target: str) -> None:
-        self._browser, self._session, self.target = browser, session, target
+    def __init__(self, browser: Browser, session: str) -> None:
+        self._browser, self._session = browser, session
         self.received: list[dict[str, Any]] = []
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
@@ -142,21 +142,6 @@ class Page:
             ):
                 found.append(f"{parameters['entry']['text']} {parameters['entry'].get('url', '')}")
         return found
-
-    @property
-    def asked(self) -> set[str]:
-        """All addresses that were requested."""
-        sent = [m["params"] for m in list(self.received) if m["method"] == "Network.requestWillBeSent"]
-        return {each["request"]["url"] for each in sent}
-
-    def screenshot(self) -> bytes:
-        import base64
-
-        return base64.b64decode(self.call("Page.captureScreenshot", captureBeyondViewport=True)["data"])
-
-    def shut(self) -> None:
-        """Close the page."""
-        self._browser.call("Target.closeTarget", targetId=self.target)
 
 
 @contextlib.contextmanager

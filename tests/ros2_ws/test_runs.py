@@ -13,9 +13,8 @@ from typing import Any
 import pytest
 
 from deeptruck_core.errors import InputError
-from deeptruck_core.pages import local
 from deeptruck_model.recordings import CrashSafeWriter
-from deeptruck_nodes import bag_place, leaders, runs, start_simulation
+from deeptruck_nodes import bag_place, leaders, page_server, runs, start_simulation
 from deeptruck_nodes.supervisor import Program
 
 SCRIPTS = Path(__file__).parents[2] / "ros2_ws"
@@ -195,11 +194,13 @@ def test_misfits_are_said_before_anything_heavy_is_imported(name: str) -> None:
 def test_a_port_of_the_page_that_is_taken(refused: Callable[..., str], tmp_path: Path) -> None:
     own = tmp_path / "own.yaml"
     truck = {"simulator": "truck:trucksim", "policy": "baseline:acc", "parameters": own}
-    with local.made().listener as held:
+    with page_server.opened()[0] as held:
         number = held.getsockname()[1]
         own.write_text(f"live_page: {{ros__parameters: {{port: {number}}}}}")
-        assert f"cannot have port {number}" in refused("start_simulation", **truck, page=True)
         assert "this run has no node 'live_page'" in refused("start_simulation", **truck)
+        with pytest.raises(InputError, match=f"cannot have port {number}"):
+            script("start_simulation")(**truck, page=True, run_folders=tmp_path / "runs")
+        assert list(tmp_path.iterdir()) == [own]
 
 
 def test_a_domain_out_of_range(refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,11 +21,8 @@ NODES = (
 setup(
     name=PACKAGE,
     version=ElementTree.parse(Path(__file__).with_name("package.xml")).findtext("version"),
-    packages=[PACKAGE, f"{PACKAGE}.page"],
-    package_data={
-        PACKAGE: ["*.yaml", "*.xml", "scenarios/*"],
-        f"{PACKAGE}.page": ["*.html", "*.css", "*.js"],
-    },
+    packages=[PACKAGE],
+    package_data={PACKAGE: ["*.yaml", "*.xml", "*.html", "*.css", "*.js", "scenarios/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

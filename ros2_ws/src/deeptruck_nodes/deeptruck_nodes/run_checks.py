@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from deeptruck_core.errors import InputError
-from deeptruck_core.pages import local
 from deeptruck_core.signals import TruckInterface
 from deeptruck_core.terminal import console
 from deeptruck_model import checks
@@ -99,11 +98,6 @@ def rate_fits(rate: float, dt: float) -> None:
     from deeptruck_nodes.plant import ticks_a_step
 
     ticks_a_step(rate, dt)
-
-
-def port_is_free(port: int) -> None:
-    """Raises InputError if the port of the page is in use."""
-    local.made(port).listener.close()
 
 
 def bus_opens(interface: str, channel: str) -> None:

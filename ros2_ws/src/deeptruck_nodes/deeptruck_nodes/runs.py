@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import json
+import socket
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from deeptruck_core.errors import InputError
-from deeptruck_core.pages import local
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model import checks
-from deeptruck_nodes import bag_place, environment, parameters, run_checks, run_summary
-from deeptruck_nodes.page import place
+from deeptruck_nodes import bag_place, environment, page_server, parameters, run_checks, run_summary
 from deeptruck_nodes.run_checks import Misfits, Sections
 from deeptruck_nodes.supervisor import Program, Supervisor, node
 
@@ -58,7 +56,7 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
     sections = {
         "recorder": _recorder(common, interface),
         **_monitor(common),
-        **_page(common, interface),
+        **_page(common, f"{simulator}, {policy}", interface),
         "leader": {},
         **_map(given),
         "controller": {
@@ -103,7 +101,7 @@ def drive_vehicle(
     vehicle = misfits.of(lambda: vehicles.load(given["can_bridge"]["vehicle"]))
     interface = TruckInterface.from_dict(vehicle.interface) if vehicle else None
     sections: Sections = {"recorder": _recorder(common, interface), **_monitor(common)}
-    sections |= _page(common, interface)
+    sections |= _page(common, f"{given['can_bridge']['vehicle']}, {policy}", interface)
     sections |= {"leader": {}} if "leader" in given else {}
     sections |= _map(given)
     # the simulator in a vehicle's file is what the emulator drives, not the truck on a real bus
@@ -135,7 +133,7 @@ def replay(common: Common, given: Sections) -> int:
     """Play a bag on its topics; a bag whose recorder was killed is repaired first. Returns the exit code."""
     misfits = Misfits()
     sections: Sections = {"recorder": _recorder(common, None), **_monitor(common)}
-    sections |= {**_page(common, None), "replay": {}}
+    sections |= {**_page(common, "", None), "replay": {}}
     sections = _merged(sections, given, common, misfits)
     if common.monitor:
         misfits.of(lambda: checks.simulator(common.monitor))
@@ -148,8 +146,7 @@ def replay(common: Common, given: Sections) -> int:
     if common.record is not None:
         sections["recorder"]["copy_of"] = str(bag.absolute())
     if common.page:
-        own = _page(common, checks.bag(bag).interface)[PAGE]
-        sections[PAGE] = {**sections[PAGE], **own}
+        sections[PAGE] |= _page(common, bag.name, checks.bag(bag).interface)[PAGE]
     return _run("replay", common, sections, domain, ends="replay")
 
 
@@ -210,11 +207,11 @@ def _monitor(common: Common) -> Sections:
     return {"mismatch_monitor": {"simulator": _named(common.monitor)}}
 
 
-def _page(common: Common, interface: TruckInterface | None) -> Sections:
+def _page(common: Common, title: str, interface: TruckInterface | None) -> Sections:
     """The page's parameters, if there is a page."""
     if not common.page:
         return {}
-    return {PAGE: {"interface": json.dumps(interface.to_dict()) if interface else ""}}
+    return {PAGE: {"title": title, "interface": json.dumps(interface.to_dict()) if interface else ""}}
 
 
 def _map(given: Sections) -> Sections:
@@ -353,7 +350,6 @@ def _checked(misfits: Misfits, common: Common, sections: Sections, lockstep: boo
         ]
         values.update(of_run)
         misfits.found += parameters.misfits(name, values)
-    misfits.of_node(sections, PAGE, lambda p: run_checks.port_is_free(p["port"]))
     domain = misfits.of(environment.domain_id)
     misfits.of(run_checks.ros_is_installed)
     misfits.of(lambda: bag_place.check(common.record, common.overwrite))
@@ -376,7 +372,8 @@ def _run(
     """Lock the domain, prepare the bag, then start. All checks have been made before."""
     lock = environment.DomainLock(domain)
     try:
-        with ExitStack() as stack, bag_place.made(common.record, common.overwrite) as bag:
+        page = page_server.opened(parameters.checked(PAGE, sections[PAGE])["port"]) if common.page else None
+        with bag_place.made(common.record, common.overwrite) as bag:
             if bag is not None:
                 sections["recorder"]["bag"] = str(bag.absolute())
             folder = environment.run_folder(common.runs, what, domain)
@@ -385,8 +382,9 @@ def _run(
             parameters.write_file(file, sections)
             names = [name for name in sections if name != PAGE]
             nodes = [node(name, file, ends_run=name == ends, speaks=name in SPEAKERS) for name in names]
-            page = stack.enter_context(_watched(sections, file))
-            programs = [*page, *(_hurried(one, sections) for one in [*nodes[:1], *others, *nodes[1:]])]
+            programs = [_hurried(one, sections) for one in [*nodes[:1], *others, *nodes[1:]]]
+            if page is not None:
+                programs.insert(0, _page_program(*page, file))
             supervisor = Supervisor(
                 folder, programs, environment.ros_environment(folder, domain), lock.descriptor
             )
@@ -409,19 +407,12 @@ def _hurried(program: Program, sections: Sections) -> Program:
     return replace(program, priority=parameters.checked("can_bridge", sections["can_bridge"])["priority"])
 
 
-@contextmanager
-def _watched(sections: Sections, file: Path) -> Iterator[tuple[Program, ...]]:
-    """The page's program if there is a page, first to start and last to end; its address is printed here,
-    because logs may be readable by others."""
-    if PAGE not in sections:
-        yield ()
-        return
-    made = local.made(parameters.checked(PAGE, sections[PAGE])["port"])
-    with made.listener:
-        print(f"page: {made.address}", flush=True)
-        descriptors = (made.listener.fileno(),)
-        program = replace(node(PAGE, file), environment=place.environment(made), descriptors=descriptors)
-        yield (replace(program, spectator=True),)
+def _page_program(listener: socket.socket, token: str, file: Path) -> Program:
+    """The page's program, first to start and last to end. Its address is printed here, because logs may be
+    readable by others."""
+    print(f"page: {page_server.address(listener, token)}", flush=True)
+    secret = {page_server.SOCKET: str(listener.fileno()), page_server.TOKEN: token}
+    return replace(node(PAGE, file), spectator=True, environment=secret, descriptors=(listener.fileno(),))
 
 
 def recorded(record: Path | None, bag: Path | None) -> str:

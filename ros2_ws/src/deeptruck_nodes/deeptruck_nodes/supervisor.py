@@ -23,7 +23,6 @@ PATIENCE = ((signal.SIGINT, 6.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0)) 
 EARLY_PATIENCE = ((signal.SIGTERM, 8.0), (signal.SIGKILL, 2.0))  # during imports SIGINT prints a traceback
 SPECTATOR_PATIENCE = ((signal.SIGINT, 1.0), (signal.SIGKILL, 2.0))
 SPECTATOR_NICE = 10  # a tenth of the weight of a node where both want a core
-REVIVALS = 3  # of a spectator, in a run
 _PR_SET_PDEATHSIG = 1
 
 
@@ -33,7 +32,7 @@ class Program:
     failure.
 
     The output of a program with `speaks` goes to the terminal as well as to its log. A `spectator` only
-    observes: no process waits for it, it has a lower priority, and it is restarted if it dies during the run.
+    observes: no process waits for it, it has a lower priority, and the run goes on without it.
     """
 
     name: str
@@ -54,6 +53,7 @@ class _Child:
     log: Path
     lifeline: LifelineHolder = field(default_factory=LifelineHolder)
     repeated: int = 0  # bytes of the log that went to the terminal
+    lost: bool = False  # a spectator that died, which was said
 
     def repeat(self) -> None:
         """Copy new complete lines of the log to the terminal."""
@@ -89,7 +89,6 @@ class Supervisor:
         self._environment, self._lock = dict(environment), lock
         self._children: list[_Child] = []
         self._asked = 0  # how often the end was requested
-        self._revivals = REVIVALS
         self._going = False
         self.why = "it never began"
         """why the run ended, in a few words"""
@@ -173,10 +172,13 @@ class Supervisor:
             print("stopping", flush=True)
             self.why = "you asked it to"
             return 0
-        self._look_after_spectators()
         for child in self._children:
             code = child.process.poll()
-            if code is None or child.program.spectator:
+            if code is None or child.lost:
+                continue
+            if child.program.spectator:
+                child.lost = True
+                _complain(f"{child.how_it_ended(code)}; the run goes on without it")
                 continue
             if code == 0 and child.program.ends_run:
                 self.why = f"{child.program.name} has finished"
@@ -185,24 +187,9 @@ class Supervisor:
             return _complain(child.how_it_ended(code), 2 if code == 2 else 1)
         return None
 
-    def _look_after_spectators(self) -> None:
-        """Restart spectators that died, a few times at most."""
-        for place, child in enumerate(self._children):
-            if not child.program.spectator or child.process.poll() is None or self._revivals == 0:
-                continue
-            self._revivals -= 1
-            then = "it is started again" if self._revivals else "the run goes on without it"
-            _complain(f"{child.how_it_ended(child.process.returncode)}; {then}")
-            if self._revivals:
-                child.lifeline.close()
-                self._children[place] = self._start(child.program)
-                if self._going:
-                    self._children[place].lifeline.go()
-
     def _end(self) -> None:
-        if any(child.program.spectator for child in self._children):
-            with contextlib.suppress(OSError):  # a full disk
-                (self._folder / ENDED).write_text(f"{self.why}\n")
+        with contextlib.suppress(OSError):  # a full disk
+            (self._folder / ENDED).write_text(f"{self.why}\n")
         usual = PATIENCE if self._going else EARLY_PATIENCE
         for child in reversed(self._children):
             for number, patience in SPECTATOR_PATIENCE if child.program.spectator else usual:
