@@ -11,7 +11,6 @@ TESTS = Path(__file__).parent
 SOURCES = (TESTS.parent / "src", TESTS.parent / "exam" / "src")
 # Files without a test of their name: their room, they, and the test that runs them.
 THROUGH = """
-deeptruck_cacc.controllers: signed_pedal | deeptruck_cacc/controllers/test_planner.py
 deeptruck_cacc.environments: registration | deeptruck_cacc/environments/test_environment.py
 deeptruck_cacc.evaluation: overview page | deeptruck_cacc/evaluation/test_evaluation.py
 deeptruck_exam.cases: deep_trucks gates truth | deeptruck_exam/cases/test_cases.py

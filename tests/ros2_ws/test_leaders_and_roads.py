@@ -11,7 +11,6 @@ import pytest
 
 from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.slopes import CELL_DEG
 from deeptruck_model.recordings import write_bag
 from deeptruck_model.trucks import driving_cycles
 from deeptruck_nodes import leaders, roads
@@ -171,31 +170,3 @@ def test_bad_roads_are_refused(text: str) -> None:
 def test_every_description_has_a_finite_speed_everywhere() -> None:
     for kind in ("constant", "sine", "steps", "stop", "random"):
         assert all(math.isfinite(v) and v >= 0 for v in speeds(kind, np.arange(0, 300, 0.7).tolist()))
-
-
-def test_the_fleets_table_is_a_known_road_along_a_recorded_drive(tmp_path: Path) -> None:
-    """Due east along 48.0003 degrees of latitude: 2 % up for a kilometre, then 1 % down."""
-    driven = driving_cycles.drive(trucks.load("trucksim"), seconds=200.0, seed=1, name="drive")
-    way = np.cumsum(driven.channels["speed"]) * driven.dt
-    degree_m = np.radians(1.0) * 6371e3
-    places = {
-        "latitude": np.full(len(way), 48.0003),
-        "longitude": 11.0 + way / degree_m / np.cos(np.radians(48.0003)),
-    }
-    write_bag(
-        tmp_path / "drive", [replace(driven, channels=driven.channels | places)], interface=driven.interface
-    )
-    row = int(48.0003 // CELL_DEG)
-    columns = (
-        11.0 * np.cos(np.radians((row + 0.5) * CELL_DEG)) / CELL_DEG + np.arange(0, way[-1], 100.0) / 100.1
-    )
-    slopes = [f"{row}:{int(c)}:E,{0.02 if 100.0 * k < 1000.0 else -0.01}" for k, c in enumerate(columns)]
-    (tmp_path / "roads.csv").write_text("\n".join(["cell,slope", *slopes]))
-    road = roads.parse_known(f"shared:path={tmp_path}/roads.csv,drive={tmp_path}/drive")
-    assert road.at(500.0)[0] == pytest.approx(0.02) and road.at(1500.0)[0] == pytest.approx(-0.01)
-    assert math.isnan(road.at(way[-1] + 500.0)[0])
-    with pytest.raises(InputError, match="there is no 'shared'"):
-        roads.parse(f"shared:path={tmp_path}/roads.csv,drive={tmp_path}/drive")
-    write_bag(tmp_path / "unplaced", [driven], interface=driven.interface)
-    with pytest.raises(InputError, match=r"less than 0.5 km .* give a bag of one drive"):
-        roads.parse_known(f"shared:path={tmp_path}/roads.csv,drive={tmp_path}/unplaced")

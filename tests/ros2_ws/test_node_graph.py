@@ -19,13 +19,12 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from deeptruck_cacc.controllers.road_ahead import AHEAD, AHEAD_M
 from deeptruck_model import recordings, simulators
 from deeptruck_model.recordings.bag_source import BagSource
-from deeptruck_nodes import environment, lifeline, roads
-from deeptruck_nodes.messages import SECOND, nanoseconds
+from deeptruck_nodes import environment, lifeline
+from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.recorder import header_stamp
-from deeptruck_nodes.topics import RECORDED, ROAD, ROAD_AHEAD, TWIST
+from deeptruck_nodes.topics import RECORDED
 
 RECORDED_BYTES = 50_000  # by which every topic has been recorded
 TRUCK = ("--simulator", "truck:trucksim", "--policy", "baseline:acc")
@@ -86,7 +85,7 @@ def test_real_time_run_second_run_and_ctrl_c(
     assert all_gone(children)
     with BagSource(tmp_path / "bag") as bag:
         of_monitor = {topic for topic in RECORDED if topic.startswith("/mismatch/")}
-        assert set(bag.topics) == set(RECORDED) - of_monitor - {"/road/ahead"}
+        assert set(bag.topics) == set(RECORDED) - of_monitor
         stamps = np.array([header_stamp(data) for _, _, data in bag.messages({"/truck/twist"})])
     assert np.all(np.diff(stamps) == SECOND // 50)  # nothing missing
 
@@ -269,41 +268,6 @@ def test_a_node_started_by_hand_refuses_what_it_does_not_know() -> None:
     assert done.returncode == 2 and "Traceback" not in done.stderr
     for says in ("leader has no parameter 'sped'", "reach = 1.0 is outside"):
         assert says in done.stderr
-
-
-HILLS = "sine:grade=0.03,length=400"
-
-
-def decoded(bag: Path) -> dict[str, list[Any]]:
-    """Messages of a bag by topic, in the order of their stamps."""
-    found: dict[str, list[Any]] = {}
-    with (bag / f"{bag.name}_0.mcap").open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        for _, channel, _, message in reader.iter_decoded_messages(log_time_order=True):
-            found.setdefault(channel.topic, []).append(message)
-    return found
-
-
-def test_in_lockstep_every_step_has_the_road_ahead_and_the_economy_drives_by_it(
-    start: Callable[..., Any], tmp_path: Path
-) -> None:
-    """On a flat road with a map of hills, where a truck that trusts its map changes its speed."""
-    words = ("--simulator", "truck:trucksim", "--policy", "planner:truck:trucksim?economy", "--lockstep")
-    words += ("--radar", "clean", "--known-road", HILLS, "--duration", 15, "--record", tmp_path / "bag")
-    code, _, errors = start("start_simulation.py", *words).finish()
-    assert (code, errors) == (0, "")
-    bag, hills = decoded(tmp_path / "bag"), roads.parse(HILLS)
-    ahead, twists = bag[ROAD_AHEAD.name], bag[TWIST.name]
-    assert [nanoseconds(m.header.stamp) for m in ahead] == [nanoseconds(m.header.stamp) for m in twists]
-    assert ahead[0].name[:2] == ["grade_0", "grade_25"] and len(ahead[0].name) == AHEAD
-    speed = np.array([m.twist.linear.x for m in twists])
-    way = 0.1 * np.concatenate([[0.0], np.cumsum(speed[1:])])  # m, where the truck is at each step
-    here = [m.position[0] for m in ahead]
-    np.testing.assert_allclose(here, [hills.at(x)[0] for x in way], atol=1e-3)
-    expected = [hills.at(AHEAD_M * k)[0] for k in range(AHEAD)]
-    np.testing.assert_allclose(ahead[0].position, expected, atol=1e-9)
-    felt = [m.position[list(m.name).index("grade")] for m in bag[ROAD.name]]
-    assert not np.any(felt) and np.ptp(speed) > 0.1  # 0.32 m/s; without a map it is 0.006 m/s
 
 
 # The node graph drives a simulator that somebody else wrote, and its bag is that truck's recording

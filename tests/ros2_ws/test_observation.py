@@ -124,17 +124,3 @@ def test_an_invalid_grade_counts_as_flat() -> None:
     samples.put("gap", 1, 40.0)
     seen = samples.put("leader_speed", 1, 21.0)
     assert seen is not None and seen.grade == 0.0
-
-
-def test_in_lockstep_a_map_is_waited_for_where_one_is_in_the_run() -> None:
-    samples = Alignment(strict=True, uses_grade=False, stale_after_s=0.3, uses_map=True)
-    assert fill(samples, 1, 40.0, 21.0)[-1] is None
-    seen = samples.put_map(1, [0.01, 0.02])
-    assert seen is not None and seen.grade_ahead == (0.01, 0.02)
-
-
-def test_a_map_that_is_old_is_none() -> None:
-    samples = Alignment(strict=False, uses_grade=False, stale_after_s=0.3)
-    assert samples.put_map(0, [0.01, 0.02]) is None
-    assert fill(samples, SECOND, 40.0, 21.0)[-1].grade_ahead == (0.01, 0.02)
-    assert fill(samples, SECOND + 1, 40.0, 21.0)[-1].grade_ahead == ()

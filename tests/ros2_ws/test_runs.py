@@ -56,7 +56,6 @@ def test_a_missing_option_is_one_line_and_2(start: Callable[..., Any]) -> None:
         ({"policy": "baseline:best"}, "there is no baseline 'best'"),
         ({"leader": "sine:perod=3"}, "'perod=3' is not one of"),
         ({"road": "steep"}, "there is no 'steep'"),
-        ({"known_road": "dunes"}, "there is no 'dunes'"),
         ({"rate": 33.0}, "whole multiple"),
         ({"rate": 1e6}, "rate_hz = 1000000.0 is outside"),
         ({"time_gap": 0.0}, "target_time_gap = 0.0 is outside"),

@@ -12,7 +12,6 @@ NODES = (
     "controller",
     "can_bridge",
     "mismatch_monitor",
-    "road_map",
     "recorder",
     "replay",
     "live_page",

@@ -22,12 +22,12 @@ from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 
-PLANNER, ECONOMY = "planner:", "?economy"
+PLANNER = "planner:"
 
 
 def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Policy:
     """A policy directory written by `deeptruck-cacc train`, a policy as ONNX, `baseline:NAME`, or
-    `planner:SIM`, a planner on the simulator SIM (`planner:SIM?economy`: with little fuel).
+    `planner:SIM`, a planner on the simulator SIM.
 
     `interface` is that of the truck a baseline is to drive (default: engine torque in N m, brake in percent);
     that of a trained policy or of a planner's simulator is compared with it. Raises InputError if the path, a
@@ -57,23 +57,17 @@ def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Po
 
 
 def _planner(simulator: str) -> Policy:
+    """The planner after one call, because its step may be compiled on first use, which takes longer than a
+    node waits."""
+    from deeptruck_cacc.controllers.planner import Planner  # scipy, and torch with a deep truck
     from deeptruck_model import simulators
 
-    if simulator.endswith(ECONOMY):
-        from deeptruck_cacc.controllers.economy import Economy
-
-        return _warm(Economy(simulators.load(simulator.removesuffix(ECONOMY))))
-    from deeptruck_cacc.controllers.planner import Planner  # scipy, and torch with a deep truck
-
-    return _warm(Planner(simulators.load(simulator)))
-
-
-def _warm(policy: Policy) -> Policy:
-    """The policy after one call, because its step may be compiled on first use, which takes longer than a
-    node waits."""
-    policy.act({name: np.array([value]) for name, value in TYPICAL.items()})
-    policy.reset()
-    return policy
+    if simulator.endswith("?economy"):
+        raise InputError(f"planner:{simulator} is gone; use planner:{simulator.removesuffix('?economy')}")
+    planner = Planner(simulators.load(simulator))
+    planner.act({name: np.array([value]) for name, value in TYPICAL.items()})
+    planner.reset()
+    return planner
 
 
 def _units(interface: TruckInterface) -> str:

@@ -10,6 +10,7 @@ over the horizon are therefore tried too.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,11 +18,12 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from deeptruck_cacc.controllers.approach import approach
-from deeptruck_cacc.controllers.law import LEAST_GAP_M, Seen
+from deeptruck_cacc.controllers.law import LEAST_GAP_M, Perception, Seen
 from deeptruck_cacc.controllers.policy import TYPICAL, Observation
-from deeptruck_cacc.controllers.signed_pedal import SignedPedal, pedal_commands
+from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_core.arrays import Array
-from deeptruck_core.signals import SPEED
+from deeptruck_core.signals import SPEED, TruckInterface
+from deeptruck_model.simulators import Simulator
 
 HORIZON_S = 4.0  # long enough for a downshift of a second without torque to pay
 KNOTS_S = np.array([0.0, 0.2, 0.5, 1.0, 2.0, 4.0])  # the plan is straight between them
@@ -41,22 +43,50 @@ DAMPING = 1e-3  # Levenberg's, of the pedals
 CORRECTION_S = 0.5  # time constant of the acceleration that the truck has beyond the simulator
 
 
-class Planner(SignedPedal):
-    """Plans one signed pedal (1 full engine, -1 full brake) on `simulator` and applies its beginning.
+@dataclass
+class Planner:
+    """Plans one signed pedal (1 full engine, -1 full brake) on `simulator` and applies its beginning. Same
+    contract as Policy.
 
     The simulator runs along with the truck: it is fed the measured speed and the commands given, and the
     difference of its acceleration is added to all plans.
     """
 
-    _past: _Past | None
+    simulator: Simulator
+    _past: _Past | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        super().__post_init__()
+        self.scale, self.dt = ActionScale.of(self.simulator), self.simulator.dt
+        self._perceive = Perception(self.dt)
+        self._least = -1.0 if self.interface.brake_unit else 0.0
         self._time: Array = self.dt * np.arange(1.0, round(HORIZON_S / self.dt) + 1, dtype=float)
         self._basis = _straight(self._time - self.dt)  # (n, knots)
         self._later = _straight(np.minimum(KNOTS_S + self.dt, KNOTS_S[-1]))
 
-    def _pedal(self, observation: Observation, seen: Seen, grade: Array, known: NDArray[np.bool_]) -> Array:
+    @property
+    def interface(self) -> TruckInterface:
+        """The interface of the simulator."""
+        return self.simulator.interface
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._perceive.reset()
+        self._past = None
+
+    def act(self, observation: Observation) -> tuple[Array, Array]:
+        """(engine_command, brake_command) in the interface's units, each (batch,); NaN if an observation is
+        NaN."""
+        seen, grade = self._perceive(observation)
+        known = np.isfinite(seen.speed + seen.gap + seen.leader_speed + seen.target_gap)
+        engine, brake = np.where(known[:, None], self._commands(self._pedal(seen, grade, known)), np.nan).T
+        return engine, brake
+
+    def _commands(self, pedal: Array) -> Array:
+        """Commands (n, 2) in the interface's units for signed pedals (n,)."""
+        return self.scale.commands(np.column_stack([2 * np.maximum(pedal, 0.0) - 1, -pedal]))
+
+    def _pedal(self, seen: Seen, grade: Array, known: NDArray[np.bool_]) -> Array:
+        """The pedals (batch,), 0 for observations that are not `known` (batch,)."""
         if self._past is None or len(self._past.lack) != len(grade):
             self._past = self._start(seen.speed)
         past = self._past
@@ -119,7 +149,7 @@ class Planner(SignedPedal):
 
     def _step(self, state: Any, pedals: Array, grade: Array) -> tuple[Any, Array]:
         """One step of the simulator under pedals (batch, ROWS): its state and speed (batch, ROWS)."""
-        u = pedal_commands(self.scale, pedals.ravel())[:, : len(self.interface.u)]
+        u = self._commands(pedals.ravel())[:, : len(self.interface.u)]
         w = np.repeat(grade[:, None], ROWS, axis=0)[:, : len(self.interface.w)]
         state, y = self.simulator.step(state, u, w)
         return state, y[:, SPEED].reshape(pedals.shape)

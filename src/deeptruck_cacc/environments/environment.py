@@ -55,7 +55,6 @@ class CaccEnv:
         self.leader_speed, self.speed, self.gap = (
             np.array(x, float) for x in (self.scene.leader_speed, self.scene.speed, self.scene.gap)
         )
-        self.position = np.zeros(self.batch)  # m from the start
         self.acceleration = np.zeros(self.batch)
         self.applied = np.zeros((self.batch, 2))  # commands that reached the trucks in the last step
         self._sent: list[Array] = []
@@ -87,21 +86,13 @@ class CaccEnv:
         if scene.seen is not None:
             gap = np.where(scene.seen[:, k], gap, np.nan)
             leader_speed = np.where(scene.seen[:, k], leader_speed, np.nan)
-        seen = {
+        return {
             "leader_speed": leader_speed,
             "speed": self.speed,
             "gap": gap,
             "target_time_gap": scene.time_gap,
-            "grade": self._grade(k) if self._has_grade else np.zeros(self.batch),
+            "grade": scene.grade[:, k] if self._has_grade else np.zeros(self.batch),
         }
-        if scene.known_road is not None:
-            seen["grade_ahead"] = scene.known_road.ahead(self.position)
-        return seen
-
-    def _grade(self, k: int) -> Array:
-        """Grade at the trucks, (batch,)."""
-        road = self.scene.road
-        return self.scene.grade[:, k] if road is None else road.at(self.position[:, None])[:, 0]
 
     def step(self, commands: Array) -> tuple[dict[str, Array], Array, dict[str, Array]]:
         """One step under commands (batch, 2) in the interface's units: observation, reward (batch,), info.
@@ -123,7 +114,9 @@ class CaccEnv:
     def _advance(self, commands: Array) -> Array:
         """Kinematics of both trucks over one dt; returns y of the ego truck."""
         scene, k = self.scene, min(self.k, self.steps - 1)
-        grade = self._grade(k) if scene.hidden_grade is None else self._grade(k) + scene.hidden_grade[:, k]
+        grade = (
+            scene.grade[:, k] if scene.hidden_grade is None else scene.grade[:, k] + scene.hidden_grade[:, k]
+        )
         w = grade[:, None] if self._has_grade else np.zeros((self.batch, 0))
         if scene.command_gain is not None:
             commands = self.scale.within(commands * scene.command_gain)
@@ -132,7 +125,6 @@ class CaccEnv:
         self.applied = commands
         self._state, y = self.simulator.step(self._state, commands[:, : self._n_u], w)
         self.gap = self.gap + (self.leader_speed - self.speed) * self.dt
-        self.position = self.position + self.speed * self.dt
         self.leader_speed = np.maximum(self.leader_speed + scene.leader_acceleration[:, k] * self.dt, 0.0)
         self.speed = y[:, SPEED]
         self.k += 1

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.controllers.road_ahead import Road
 from deeptruck_core.arrays import Array
 
 Drawer = Callable[[np.random.Generator, int, int, float], "Scene"]
@@ -24,9 +23,6 @@ class Scene:
     speed with it. `seen_gap_offset` and `seen_speed_offset` are errors of the radar, `seen` False is a
     dropout (NaN). `hidden_grade` is a slope that acts on the truck and that no sensor reports. Commands reach
     the truck `command_delay` (batch,) steps late, as over a bus. Absent histories are None.
-
-    With a `road` the grade is that at the truck's position, and `grade` is not used; the controller gets the
-    part of `known_road`, its map, that lies ahead.
     """
 
     leader_speed: Array
@@ -43,8 +39,6 @@ class Scene:
     hidden_grade: Array | None = None
     command_gain: Array | None = None
     command_delay: NDArray[np.int64] | None = None
-    road: Road | None = None
-    known_road: Road | None = None
 
     @property
     def batch(self) -> int:

@@ -203,7 +203,7 @@ class Guard:
             least = np.maximum(least, self.shield.steady_gap(seen["speed"]))
         seen["target_time_gap"] = np.maximum(seen["target_time_gap"], least / np.maximum(seen["speed"], 0.5))
         seen |= cruise(seen, self.set_speed)
-        own = np.array(self.policy.act({**observation, **seen, "least_gap": least}))
+        own = np.array(self.policy.act(seen))
         other = np.array(self.fallback.act(seen))
         self.fallback_drives = self._outside(seen) | ~np.isfinite(own).all(axis=0)
         engine, brake = np.where(unknown, np.nan, np.where(self.fallback_drives, other, own))

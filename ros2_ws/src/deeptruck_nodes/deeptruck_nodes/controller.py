@@ -16,7 +16,7 @@ from deeptruck_nodes.following import Following
 from deeptruck_nodes.messages import nanoseconds
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run, say
 from deeptruck_nodes.observation import Alignment, Observation
-from deeptruck_nodes.topics import COMMAND, ENGAGED, RADAR_RANGE, RADAR_TWIST, ROAD, ROAD_AHEAD, TWIST
+from deeptruck_nodes.topics import COMMAND, ENGAGED, RADAR_RANGE, RADAR_TWIST, ROAD, TWIST
 
 OPTIONS = ("shield", "limits_of", "limits_grade", "brake_limit", "brake_rate")  # of the guard
 
@@ -39,8 +39,7 @@ class Controller(DeeptruckNode):
         guard = load_controller(self.p["policy"], interface, **options)
         guard.set_speed = self.p["set_speed"]
         self._following = Following(guard, self.p["target_time_gap"], self.p["lose_lead_after_s"])
-        mapped = "road_map" in self.p["peers"]
-        self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["stale_after_s"], mapped)
+        self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["stale_after_s"])
         self._sent_at = self._observed_at = -math.inf  # monotonic, s
         self._engaged, self._engaged_at = False, -math.inf  # the engaged bit; monotonic, s
         self._received = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
@@ -48,7 +47,6 @@ class Controller(DeeptruckNode):
         self._command = self.publish_on(COMMAND)
         self.listen_to(ENGAGED, self._on_engaged)  # first: after a delay it is read before a command is sent
         self.listen_to(ROAD, self._on_road)
-        self.listen_to(ROAD_AHEAD, self._on_road_ahead)
         self.listen_to(RADAR_RANGE, self._on_range)
         self.listen_to(RADAR_TWIST, self._on_radar_twist)
         self.listen_to(TWIST, self._on_twist)
@@ -114,9 +112,6 @@ class Controller(DeeptruckNode):
     def _on_road(self, message: JointState) -> None:
         grade = messages.read_scalars(message).get("grade", math.nan)
         self._take("grade", nanoseconds(message.header.stamp), grade)
-
-    def _on_road_ahead(self, message: JointState) -> None:
-        self._act(self._samples.put_map(nanoseconds(message.header.stamp), message.position))
 
     def _on_range(self, message: Range) -> None:
         self._take("gap", nanoseconds(message.header.stamp), messages.detected(message))

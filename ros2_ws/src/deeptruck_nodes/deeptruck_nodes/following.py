@@ -106,8 +106,6 @@ class Following:
             "grade": seen.grade,
         }
         observation = {name: np.array([value]) for name, value in numbers.items()}
-        if seen.grade_ahead:
-            observation["grade_ahead"] = np.array([seen.grade_ahead])
         engine, brake = self._guard.act(observation)
         room = float(self._guard.room_m[0])
         self.room = room, seen.gap - room

@@ -79,12 +79,6 @@ def read_scalars(message: JointState) -> dict[str, float]:
     return dict(zip(message.name, message.position, strict=False))
 
 
-def road_ahead(stamp: int, grades: Sequence[float], spacing_m: float) -> JointState:
-    """Grades (rise/run) of the road ahead, each named by its distance from the truck, m."""
-    names = [f"grade_{spacing_m * k:g}" for k in range(len(grades))]
-    return scalars(stamp, names, dict(zip(names, grades, strict=True)))
-
-
 def numbers(message: TwistStamped | AccelStamped | Imu | JointState | Range) -> dict[str, float]:
     """The numbers along x in a message, by their field paths in a topic map."""
     if isinstance(message, JointState):

@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 SECOND = 1_000_000_000  # ns
-MAP_AGE = SECOND  # ns
 STREAMS = {"speed": "truck speed", "gap": "radar range", "leader_speed": "radar speed"}
 
 
 @dataclass(frozen=True)
 class Observation:
-    """One sample in SI units; gap and leader speed are NaN if the radar detected nothing. `grade_ahead` has
-    the format of a Policy's observation, () if it is not known."""
+    """One sample in SI units; gap and leader speed are NaN if the radar detected nothing."""
 
     stamp: int
     speed: float
     gap: float
     leader_speed: float
     grade: float
-    grade_ahead: tuple[float, ...] = ()
 
 
 class StampClock:
@@ -57,21 +53,19 @@ class Alignment:
     """Combines samples by their stamps.
 
     A radar sample is complete when range and speed have the same stamp. In lock-step (`strict`) the truck's
-    speed and engaged bit, and, if available, its grade and road map, must have that stamp too. In real time
-    the newest ones are used. A radar sample whose stamp differs from that of the newest speed by more than
-    `stale_after_s` is discarded, and so is a map older than a sample by more than MAP_AGE, because the truck
-    has moved on. Messages of radar and truck with false stamps are refused (`StampClock`).
+    speed and engaged bit, and, if available, its grade, must have that stamp too. In real time the newest
+    ones are used. A radar sample whose stamp differs from that of the newest speed by more than
+    `stale_after_s` is discarded. Messages of radar and truck with false stamps are refused (`StampClock`).
 
     `refused` counts what was discarded, and clocks that were set, by reason.
     """
 
-    def __init__(self, strict: bool, uses_grade: bool, stale_after_s: float, uses_map: bool = False) -> None:
+    def __init__(self, strict: bool, uses_grade: bool, stale_after_s: float) -> None:
         self._needed = ["leader_speed"]
         if strict:
-            self._needed += ["speed", "engaged", *["grade"] * uses_grade, *["grade_ahead"] * uses_map]
+            self._needed += ["speed", "engaged", *["grade"] * uses_grade]
         self._oldest = round(stale_after_s * SECOND)
         self._latest: dict[str, tuple[int, float]] = {}
-        self._map: tuple[float, ...] = ()
         self._taken = -1
         self._clocks = {} if strict else {name: StampClock(self._oldest) for name in STREAMS}
         self.refused: Counter[str] = Counter()
@@ -92,12 +86,6 @@ class Alignment:
         """What is known at a stamp at which the radar is silent: no vehicle is seen; None before a speed."""
         return None if "speed" not in self._latest else self._observe(stamp, math.nan)
 
-    def put_map(self, stamp: int, grades: Sequence[float]) -> Observation | None:
-        """Add the known grades of the road ahead. Returns the observation that they complete, each
-        only once."""
-        self._latest["grade_ahead"], self._map = (stamp, 0.0), tuple(grades)
-        return self._complete()
-
     def _complete(self) -> Observation | None:
         if not {"speed", "gap", "leader_speed"} <= self._latest.keys():
             return None
@@ -116,6 +104,4 @@ class Alignment:
         grade = self._latest.get("grade", (0, 0.0))[1]
         if not (math.isfinite(gap) and math.isfinite(leader_speed)):
             gap = leader_speed = math.nan
-        known = abs(stamp - self._latest.get("grade_ahead", (stamp, 0.0))[0]) <= MAP_AGE
-        grade = grade if math.isfinite(grade) else 0.0
-        return Observation(stamp, speed, gap, leader_speed, grade, self._map if known else ())
+        return Observation(stamp, speed, gap, leader_speed, grade if math.isfinite(grade) else 0.0)

@@ -69,35 +69,6 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Shared:
-    """The fleet's roads.csv along the route of a recorded drive, by distance driven; NaN on roads that are
-    not in it."""
-
-    path: str
-    drive: str
-
-    def __post_init__(self) -> None:
-        known = np.isfinite(self._profile[1]).any()
-        require(bool(known), f"{self.path}: less than 0.5 km of it is along {self.drive}; {ROUTE}")
-
-    @functools.cached_property
-    def _profile(self) -> tuple[Array, Array]:
-        from deeptruck_model import recordings
-        from deeptruck_model.mismatch.slopes import SharedRoads
-
-        roads = SharedRoads.read(Path(self.path))
-        driven = recordings.read_all([self.drive])
-        require(len(driven) == 1, f"{self.drive} holds {len(driven)} drives; {ROUTE}")
-        slope, speed = roads.along(driven[0]), driven[0].channels["speed"]
-        way = np.concatenate(([0.0], np.cumsum((speed[1:] + speed[:-1]) / 2) * driven[0].dt))
-        return way, np.full(len(way), np.nan) if slope is None else slope
-
-    def at(self, distance: float) -> tuple[float, float]:
-        way, slope = self._profile
-        return float(np.interp(distance, way, slope, math.nan, math.nan)), math.nan
-
-
-@dataclass(frozen=True)
 class Random:
     """A smooth random grade of about the given size, redrawn every `length` metres, for 500 km."""
 
@@ -140,18 +111,9 @@ KINDS: dict[str, type] = {
     "random": Random,
     "table": Table,
 }
-KNOWN: dict[str, type] = {**KINDS, "shared": Shared}
-ROUTE = "give a bag of one drive along the route, with positions"
 
 
 def parse(text: str) -> Road:
     """The road described by a text such as 'sine:grade=0.02'. Raises InputError."""
     road: Road = choice.parse(text, KINDS, "road")
-    return road
-
-
-def parse_known(text: str) -> Road:
-    """The known part of a road, described as for `parse`, or `shared`. Its grade may be NaN. Raises
-    InputError."""
-    road: Road = choice.parse(text, KNOWN, "known road")
     return road

@@ -86,13 +86,6 @@ def road_is_known(text: str) -> None:
     roads.parse(text)
 
 
-def map_is_known(text: str) -> None:
-    """Raises InputError if the text describes no known road."""
-    from deeptruck_nodes import roads
-
-    roads.parse_known(text)
-
-
 def rate_fits(rate: float, dt: float) -> None:
     """Raises InputError if a publishing rate, Hz, is no multiple of the simulator's, 1 / `dt`."""
     from deeptruck_nodes.plant import ticks_a_step

@@ -58,7 +58,6 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
         **_monitor(common),
         **_page(common, f"{simulator}, {policy}", interface),
         "leader": {},
-        **_map(given),
         "controller": {
             **_controller(policy, interface),
             **_limits(interface, _named(simulator), _descent(given)),
@@ -68,7 +67,6 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
     sections = _merged(sections, given, common, misfits)
     _look_at_driving(misfits, common, sections, policy, interface)
     misfits.of_node(sections, "truck_sim", lambda p: run_checks.road_is_known(p["road"]))
-    misfits.of_node(sections, "road_map", lambda p: run_checks.map_is_known(p["road"]))
     if truck is not None and not lockstep:
         misfits.of_node(sections, "truck_sim", lambda p: run_checks.rate_fits(p["rate_hz"], truck.dt))
     domain = _checked(misfits, common, sections, lockstep)
@@ -103,7 +101,6 @@ def drive_vehicle(
     sections: Sections = {"recorder": _recorder(common, interface), **_monitor(common)}
     sections |= _page(common, f"{given['can_bridge']['vehicle']}, {policy}", interface)
     sections |= {"leader": {}} if "leader" in given else {}
-    sections |= _map(given)
     # the simulator in a vehicle's file is what the emulator drives, not the truck on a real bus
     slope = misfits.of(lambda: road(grade)) or (lambda distance: 0.0)
     limits = _limits(interface, str(vehicle.truck), _steepest(slope)) if vehicle and emulate else {}
@@ -117,7 +114,6 @@ def drive_vehicle(
     misfits.of(lambda: driver_actions(driver))
     if vehicle is not None:
         misfits.of(lambda: actuator_faults(actuators, vehicle))
-    misfits.of_node(sections, "road_map", lambda p: run_checks.map_is_known(p["road"]))
     misfits.of_node(sections, "can_bridge", lambda p: run_checks.bus_opens(p["interface"], p["channel"]))
     domain = _checked(misfits, common, sections)
     _say_limits(sections["controller"], interface, real=not emulate)
@@ -214,11 +210,6 @@ def _page(common: Common, title: str, interface: TruckInterface | None) -> Secti
     return {PAGE: {"title": title, "interface": json.dumps(interface.to_dict()) if interface else ""}}
 
 
-def _map(given: Sections) -> Sections:
-    """The road map's parameters, if the road ahead is known."""
-    return {"road_map": {}} if "road_map" in given else {}
-
-
 def _controller(policy: str, interface: TruckInterface | None) -> dict[str, Any]:
     custom = {} if interface is None else {"interface": json.dumps(interface.to_dict())}
     return {
@@ -297,11 +288,10 @@ def _say_limits(
 
 def _driver(policy: str) -> str:
     """The text of a policy with absolute paths, for the nodes."""
-    from deeptruck_cacc.controllers.loading import ECONOMY, PLANNER
+    from deeptruck_cacc.controllers.loading import PLANNER
 
     if policy.startswith(PLANNER):
-        economy = ECONOMY if policy.endswith(ECONOMY) else ""
-        return PLANNER + _named(policy.removeprefix(PLANNER).removesuffix(economy)) + economy
+        return PLANNER + _named(policy.removeprefix(PLANNER))
     return policy if policy.startswith("baseline:") else str(Path(policy).absolute())
 
 

@@ -51,13 +51,6 @@ def main(
     radar_lost_at: options.RadarLostAt = 0.0,
     radar_lost_for: options.RadarLostFor = 2.0,
     road: Annotated[str, typer.Option(help="The grade ahead, see below.")] = "flat",
-    known_road: Annotated[
-        str,
-        typer.Option(
-            help="What the controller knows of the road, as --road or shared:path=ROADS.CSV,drive=BAG of the "
-            "fleet; published as /road/ahead."
-        ),
-    ] = "",
     initial_speed: Annotated[float, typer.Option(help="Of the truck, m/s.")] = 20.0,
     initial_gap: options.InitialGap = 0.0,
     time_gap: options.TimeGap = 2.0,
@@ -83,8 +76,6 @@ def main(
         "controller": {"target_time_gap": time_gap},
         "truck_sim": {"rate_hz": rate, "initial_speed": initial_speed, "road": road, "duration_s": duration},
     }
-    if known_road:
-        given["road_map"] = {"road": known_road}
     common = runs.Common(record, overwrite, parameters, run_folders, monitor, page)
     raise typer.Exit(runs.simulate(common, given, policy=policy, simulator=simulator, lockstep=lockstep))
 

@@ -56,13 +56,6 @@ Actuators = Annotated[
     ),
 ]
 # Who drives, and behind whom
-KnownRoad = Annotated[
-    str,
-    typer.Option(
-        help="Known of the road from where the run begins: shared:path=ROADS.CSV,drive=BAG of the fleet, "
-        "table:path=CSV (distance,grade) or as deeptruck-simulation --road; published as /road/ahead."
-    ),
-]
 Leader = Annotated[
     str | None,
     typer.Option(help="Simulated vehicle ahead, as in deeptruck-simulation; else the truck's radar."),
@@ -90,7 +83,6 @@ def main(
     initial_speed: InitialSpeed = 20.0,
     initial_gap: options.InitialGap = 0.0,
     grade: Grade = "0",
-    known_road: KnownRoad = "",
     time_gap: options.TimeGap = 2.0,
     engage: Engage = False,
     no_load: NoLoad = False,
@@ -119,8 +111,6 @@ def main(
     for option, text in (("--driver", driver), ("--actuators", actuators)):
         if text and not emulator:
             raise InputError(f"{option} is of the emulated truck: add --emulator")
-    if known_road:
-        given["road_map"] = {"road": known_road}
     common = runs.Common(record, overwrite, parameters, run_folders, monitor, page)
     raise typer.Exit(
         runs.drive_vehicle(

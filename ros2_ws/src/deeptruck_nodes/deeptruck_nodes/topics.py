@@ -80,7 +80,7 @@ def _budget() -> tuple[str, ...]:
 
 TWIST = Topic(
     "/truck/twist", TwistStamped, SOURCES,
-    ("leader", "road_map", "controller", "mismatch_monitor", "recorder"),
+    ("leader", "controller", "mismatch_monitor", "recorder"),
     "rate_hz", "twist.linear.x = speed, m/s",
 )  # fmt: skip
 ACCEL = Topic(
@@ -117,10 +117,6 @@ ROAD = Topic(
     "simulator step", "grade as rise/run, elevation in m",
     ("grade", "elevation"),
 )  # fmt: skip
-ROAD_AHEAD = Topic(
-    "/road/ahead", JointState, ("road_map", "replay"), ("controller", "recorder"),
-    "10 Hz", "grade_0, grade_25 ... grade_2000: rise/run so many metres ahead; NaN: not known",
-)  # fmt: skip
 RADAR_RANGE = Topic(
     "/radar/range", Range, ("leader", "replay"),
     ("controller", "can_bridge", "mismatch_monitor", "recorder"),
@@ -154,7 +150,7 @@ MISMATCH_BUDGET = Topic(
 )  # fmt: skip
 DIAGNOSTICS = Topic(
     "/diagnostics", DiagnosticArray,
-    ("truck_sim", "can_bridge", "leader", "road_map", "controller", "mismatch_monitor", "recorder", "replay"),
+    ("truck_sim", "can_bridge", "leader", "controller", "mismatch_monitor", "recorder", "replay"),
     ("recorder",),
     "1 Hz a node", "health, refusals, internal states",
 )  # fmt: skip
@@ -175,7 +171,7 @@ CLOCK = Topic("/clock", Clock, ("truck_sim", "replay"), (), "every step", "lock-
 TOPICS: dict[str, Topic] = {
     topic.name: topic
     for topic in (
-        TWIST, ACCEL, IMU, STATUS, COMMAND, ENGAGED, ROAD, ROAD_AHEAD, RADAR_RANGE, RADAR_TWIST, LEADER_STATE,
+        TWIST, ACCEL, IMU, STATUS, COMMAND, ENGAGED, ROAD, RADAR_RANGE, RADAR_TWIST, LEADER_STATE,
         MISMATCH_RESIDUAL, MISMATCH_NAMES, MISMATCH_BUDGET, DIAGNOSTICS, CLOCK, REPLAY_STATE, REPLAY_CONTROL,
     )
 }  # fmt: skip
