@@ -36,7 +36,7 @@ USED_BY_OTHERS = {  # dependencies that a dependency imports for us
     "tensorboard": "torch.utils.tensorboard",
     "msgpack": "can.interfaces.udp_multicast",
 }
-OPTIONAL = {"asammdf", "libsumo", "fastsim"}  # said to be missing where a user wants it
+OPTIONAL = {"asammdf", "fastsim"}  # said to be missing where a user wants it
 TOOLS = {
     "mypy", "ruff", "pytest-timeout", "pytest-xdist", "pytest-cov", "types-pyyaml",
     "colcon-common-extensions", "build", "setuptools-scm", "twine",

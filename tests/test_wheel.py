@@ -107,7 +107,7 @@ def packed(wheel: Path) -> set[str]:
 def test_the_wheel_holds_every_file_and_no_other(wheel: Path) -> None:
     inside = zipfile.ZipFile(wheel)
     assert packed(wheel) == files(ROOT / "src") | files(ROOT / NODES)
-    for kind in (".yaml", ".dbc", ".xml", ".sumocfg", ".jinja", ".css", ".js", ".json", "py.typed"):
+    for kind in (".yaml", ".dbc", ".xml", ".jinja", ".css", ".js", ".json", "py.typed"):
         assert any(name.endswith(kind) for name in packed(wheel)), kind
     (listed,) = [name for name in inside.namelist() if name.endswith(".dist-info/top_level.txt")]
     assert set(inside.read(listed).decode().split()) == PACKAGES

@@ -29,7 +29,7 @@ app = typer.Typer(
 )
 PolicyPath = Annotated[
     str,
-    typer.Argument(metavar="POLICY", help="Policy directory, baseline:acc|cacc|idm|pi|mpc, or planner:SIM."),
+    typer.Argument(metavar="POLICY", help="Policy directory, baseline:acc|cacc|idm|pi, or planner:SIM."),
 ]
 SimulatorPath = Annotated[
     str,

@@ -96,7 +96,6 @@ def drive(
     plant = Plant(truck, parse_road("flat"), 20.0)
     following = Following(load_controller("baseline:acc", truck.interface), 2.0, 3.0)
     profile = leaders.parse(leader)
-    assert not isinstance(profile, leaders.Sumo)
     ahead, radar = Gap(profile, 0.0, 2.0), Radar(errors, 3)
     engines, gaps = [], []
     for k in range(round(seconds / plant.dt)):

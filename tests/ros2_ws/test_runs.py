@@ -55,6 +55,8 @@ def test_a_missing_option_is_one_line_and_2(start: Callable[..., Any]) -> None:
         ({"policy": "nowhere"}, "is not a policy directory"),
         ({"policy": "baseline:best"}, "there is no baseline 'best'"),
         ({"leader": "sine:perod=3"}, "'perod=3' is not one of"),
+        ({"leader": "sumo:motorway"}, "use recorded:path=FILE"),
+        ({"policy": "planner:truck:trucksim?economy"}, "use planner:truck:trucksim"),
         ({"road": "steep"}, "there is no 'steep'"),
         ({"rate": 33.0}, "whole multiple"),
         ({"rate": 1e6}, "rate_hz = 1000000.0 is outside"),

@@ -21,7 +21,7 @@ setup(
     name=PACKAGE,
     version=ElementTree.parse(Path(__file__).with_name("package.xml")).findtext("version"),
     packages=[PACKAGE],
-    package_data={PACKAGE: ["*.yaml", "*.xml", "*.html", "*.css", "*.js", "scenarios/*"]},
+    package_data={PACKAGE: ["*.yaml", "*.xml", "*.html", "*.css", "*.js"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.approach import approach
 from deeptruck_cacc.controllers.law import LEAST_SPEED, Law, Perception, Seen
-from deeptruck_cacc.controllers.mpc import mpc
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import Observation
 from deeptruck_core.arrays import Array
@@ -68,7 +67,7 @@ AT_REST_M_S = 0.2  # own speed below which the brake holds
 HOLDS_M_S2 = 0.6  # beyond what the slope asks for
 LEAST_TIME_GAP_S = 0.5  # as which less counts: `approach` divides by it, and at standstill it is 0
 
-LAWS: dict[str, Law] = {"acc": acc, "cacc": cacc, "idm": idm, "pi": pi, "mpc": mpc}
+LAWS: dict[str, Law] = {"acc": acc, "cacc": cacc, "idm": idm, "pi": pi}
 
 
 @dataclass
@@ -150,5 +149,5 @@ def baseline(
     Raises InputError for an unknown name.
     """
     if name not in LAWS:
-        raise InputError(f"there is no baseline '{name}'; known: {', '.join(LAWS)}")
+        raise InputError(f"there is no baseline '{name}'; known: {', '.join(LAWS)}; or use planner:SIM")
     return Baseline(LAWS[name], pedals or PedalMap.nominal(interface), interface, dt)

@@ -13,7 +13,7 @@ from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_model import simulators
 
 
-@pytest.mark.parametrize("name", [name for name in LAWS if name != "mpc"])
+@pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("truck", ["trucksim", "freightliner"])
 def test_a_leader_far_ahead_is_approached_without_braking_hard(truck: str, name: str) -> None:
     """40 m behind its gap each closes in, overshoots by 4 m at most and slows down by 1 m/s^2 at most."""

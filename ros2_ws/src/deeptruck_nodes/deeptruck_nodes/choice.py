@@ -16,7 +16,6 @@ def parse(text: str, kinds: Mapping[str, type[T]], what: str) -> T:
     """Build the dataclass described by `text`, KIND:NAME=VALUE,NAME=VALUE...; tuples of numbers are written
     A/B/C.
 
-    If the class names a field in `first`, the value of that field may come first in the list, without NAME=.
     Raises InputError for an unknown kind or name, a value that is not a number, or one that the dataclass
     refuses.
     """
@@ -25,11 +24,8 @@ def parse(text: str, kinds: Mapping[str, type[T]], what: str) -> T:
         raise InputError(f"{what} '{text}': there is no '{kind}'; known: {', '.join(kinds)}")
     fields = {field.name: field for field in dataclasses.fields(kinds[kind])}  # type: ignore[arg-type]
     values: dict[str, Any] = {}
-    first = getattr(kinds[kind], "first", "")
     for part in filter(None, rest.split(",")):
         name, equals, value = part.partition("=")
-        if first and not values and name not in fields:
-            name, equals, value = first, "=", part
         if not equals or name not in fields:
             raise InputError(
                 f"{what} '{text}': '{part}' is not one of {', '.join(f'{n}=' for n in fields) or 'none'}"

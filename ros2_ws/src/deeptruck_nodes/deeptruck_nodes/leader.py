@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-import sys
 
 from geometry_msgs.msg import TwistStamped
 
 from deeptruck_nodes import leaders, messages
 from deeptruck_nodes.messages import SECOND, nanoseconds
 from deeptruck_nodes.node import DeeptruckNode, run
-from deeptruck_nodes.radar import Ahead, Gap, Radar, RadarErrors
+from deeptruck_nodes.radar import Gap, Radar, RadarErrors
 from deeptruck_nodes.topics import LEADER_STATE, RADAR_RANGE, RADAR_TWIST, TWIST
-from deeptruck_nodes.traffic import Sumo, Traffic, TrafficEnded
 
 
 class LeaderNode(DeeptruckNode):
@@ -22,7 +19,8 @@ class LeaderNode(DeeptruckNode):
 
     def __init__(self) -> None:
         super().__init__("leader")
-        self._gap = self._who_is_ahead()
+        leader = leaders.parse(self.p["profile"])
+        self._gap = Gap(leader, self.p["initial_gap"], self.p["initial_time_gap"])
         names = [field.name for field in dataclasses.fields(RadarErrors)]
         self._radar = Radar(RadarErrors(**{name: self.p[name] for name in names}), self.p["seed"])
         self._first: int | None = None
@@ -31,25 +29,11 @@ class LeaderNode(DeeptruckNode):
         self._range, self._twist = self.publish_on(RADAR_RANGE), self.publish_on(RADAR_TWIST)
         self.listen_to(TWIST, self._on_twist)
 
-    def _who_is_ahead(self) -> Ahead:
-        leader = leaders.parse(self.p["profile"])
-        if isinstance(leader, Sumo):
-            return Traffic(leader)
-        return Gap(leader, self.p["initial_gap"], self.p["initial_time_gap"])
-
-    def close(self) -> None:
-        self._gap.close()
-
     def _on_twist(self, message: TwistStamped) -> None:
         stamp = nanoseconds(message.header.stamp)
         self._first = stamp if self._first is None else self._first
         t = (stamp - self._first) / SECOND
-        try:
-            self._gap.update(t, message.twist.linear.x)
-        except TrafficEnded as why:  # our last words; the supervisor then ends the run in order
-            print(why, file=sys.stderr, flush=True)
-            self.finished = True
-            return
+        self._gap.update(t, message.twist.linear.x)
         gap, speed = self._radar.sense(t, self._gap.gap, self._gap.leader_speed)
         self._range.publish(messages.radar_range(stamp, gap, self.p["reach"]))
         self._twist.publish(messages.twist(stamp, speed, "radar"))
@@ -59,7 +43,7 @@ class LeaderNode(DeeptruckNode):
 
     def _report(self, stamp: int) -> None:
         self._smallest = min(self._smallest, self._gap.gap)
-        level, says = "ok", "driving ahead" if math.isfinite(self._gap.gap) else "nobody is ahead"
+        level, says = "ok", "driving ahead"
         if self._smallest <= 0:
             level, says = "error", "the truck has hit the leader"
         self.diagnose(stamp, level, says, {"smallest_gap_m": self._smallest})

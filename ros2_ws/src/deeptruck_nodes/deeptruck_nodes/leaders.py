@@ -1,6 +1,4 @@
-"""Leaders: speeds over time that are scripted, random or recorded, or traffic; `parse` reads a
-description.
-"""
+"""Leaders: speeds over time that are scripted, random or recorded; `parse` reads a description."""
 
 from __future__ import annotations
 
@@ -15,7 +13,6 @@ import numpy as np
 from deeptruck_core.arrays import Array
 from deeptruck_nodes import choice
 from deeptruck_nodes.choice import require
-from deeptruck_nodes.traffic import Sumo
 
 
 class Leader(Protocol):
@@ -172,11 +169,11 @@ KINDS: dict[str, type] = {
     "stop": Stop,
     "random": Random,
     "recorded": Recorded,
-    "sumo": Sumo,
 }
 
 
-def parse(text: str) -> Leader | Sumo:
+def parse(text: str) -> Leader:
     """The leader described by a text such as 'sine:speed=18,amplitude=2'. Raises InputError."""
-    leader: Leader | Sumo = choice.parse(text, KINDS, "leader")
+    require(not text.startswith("sumo:"), f"leader '{text}': SUMO is gone; use recorded:path=FILE")
+    leader: Leader = choice.parse(text, KINDS, "leader")
     return leader

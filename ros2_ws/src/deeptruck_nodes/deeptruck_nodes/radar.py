@@ -4,23 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from deeptruck_cacc.environments.hard_scenes import LANE_CHANGE
 from deeptruck_nodes.leaders import Leader
-
-
-class Ahead(Protocol):
-    """The vehicle ahead: gap (m; inf if none) and speed over ground (m/s; NaN if none)."""
-
-    gap: float
-    leader_speed: float
-
-    def update(self, t: float, speed: float) -> None: ...
-
-    def close(self) -> None: ...
 
 
 class Gap:
@@ -47,9 +35,6 @@ class Gap:
             opening = opening if math.isfinite(opening) else last_opening
             self.gap += (opening + last_opening) / 2 * (t - last_t)
         self._last = (t, opening)
-
-    def close(self) -> None:
-        """Does nothing; exists because `Traffic`, which can replace a Gap, must be closed."""
 
 
 @dataclass(frozen=True)

@@ -64,19 +64,11 @@ def monitor_fits(monitor: str, truck: TruckInterface | None) -> None:
     checks.refuse(misfits(Taken(monitor, own.interface, own.dt), given))
 
 
-def leader_is_known(profile: str, initial_gap: float) -> None:
-    """Raises InputError if the text describes no leader, or SUMO refuses its scenario."""
+def leader_is_known(profile: str) -> None:
+    """Raises InputError if the text describes no leader."""
     from deeptruck_nodes import leaders
-    from deeptruck_nodes.traffic import Sumo
 
-    leader = leaders.parse(profile)
-    if not isinstance(leader, Sumo):
-        return
-    if initial_gap:
-        raise InputError(
-            f"leader {profile}: the scenario says where the traffic is; leave the initial gap out"
-        )
-    leader.try_out()
+    leaders.parse(profile)
 
 
 def road_is_known(text: str) -> None:

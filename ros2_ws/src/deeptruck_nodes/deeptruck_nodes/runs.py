@@ -165,7 +165,7 @@ def _look_at_driving(
     misfits.of(lambda: run_checks.policy_fits(policy, truck))
     if common.monitor:
         misfits.of(lambda: run_checks.monitor_fits(common.monitor, truck))
-    misfits.of_node(sections, "leader", lambda p: run_checks.leader_is_known(p["profile"], p["initial_gap"]))
+    misfits.of_node(sections, "leader", lambda p: run_checks.leader_is_known(p["profile"]))
     misfits.of_node(sections, "leader", lambda p: run_checks.leader_stays(p["profile"], common.record))
 
 

@@ -20,8 +20,7 @@ Examples:\n
   deeptruck-simulation --simulator SIM --policy POLICY --record drive --lockstep --duration 600
   --leader sine:speed=18,amplitude=2,period=20 --road sine:grade=0.03,length=2000 --radar field\n
 Leaders: constant:speed=V, sine:speed=V,amplitude=A,period=T, steps:speeds=A/B/C,every=T,acceleration=A,
-stop:speed=V,at=T,deceleration=A,wait=T, random:low=V,high=V,acceleration=A,seed=N, recorded:path=CSV_OR_BAG,
-sumo:motorway[,seed=N] or sumo:SCENARIO.sumocfg[,seed=N][,truck=ID] (traffic)\n
+stop:speed=V,at=T,deceleration=A,wait=T, random:low=V,high=V,acceleration=A,seed=N, recorded:path=CSV_OR_BAG\n
 Roads: flat, constant:grade=G, sine:grade=G,length=L, random:grade=G,length=L,seed=N, table:path=CSV\n
 Every parameter of every node: docs/parameters.md.
 """
