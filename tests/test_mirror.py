@@ -53,8 +53,9 @@ deeptruck_model.trucks: brakes engine forces gearbox | deeptruck_model/trucks/te
 deeptruck_model.trucks: kernel parameters road start | deeptruck_model/trucks/test_reference.py
 truck_bridge: fault_watch | truck_bridge/test_active_faults.py
 truck_bridge: channels units | truck_bridge/test_vehicles.py
-truck_bridge.can_logs: decoding faults importing pieces | truck_bridge/test_can_logs.py
-truck_bridge.can_logs: row_logs text_logs trc_logs whole | truck_bridge/test_can_logs.py
+truck_bridge.can_logs: candump frames lines | truck_bridge/can_logs/test_formats.py
+truck_bridge.can_logs: decoding faults | truck_bridge/can_logs/test_importing.py
+truck_bridge.can_logs: pieces | truck_bridge/can_logs/test_reader.py
 truck_bridge.emulator: messages sender | truck_bridge/emulator/test_ecus.py
 truck_bridge.j1939: ids | truck_bridge/j1939/test_codec.py
 truck_bridge.safety: core | safety/test_frames.py

@@ -5,20 +5,14 @@ from __future__ import annotations
 import deeptruck_core.terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
 
 # isort: split
-import functools
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from deeptruck_core.account import Account
 from deeptruck_core.terminal import console
-from deeptruck_model import checks
-from truck_bridge import log_files
-
-if TYPE_CHECKING:
-    from truck_bridge.vehicles import Vehicle
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -85,12 +79,12 @@ def decode(
     channel: LogChannel = None,
 ) -> None:
     """See _DECODE."""
-    checks.every(
-        lambda: log_files.check(log), lambda: _truck(vehicle), lambda: log_files.check_new_table(out)
-    )
-    from truck_bridge import can_logs
+    from deeptruck_core import files
+    from truck_bridge import can_logs, vehicles
 
-    decoded = can_logs.decode(log, _truck(vehicle).codec, channel=channel)
+    if out is not None:
+        files.check_new(out)
+    decoded = can_logs.decode(log, vehicles.load(vehicle).codec, channel=channel)
     if out is not None:
         can_logs.write_csv(decoded, out)
     for line in can_logs.table(decoded):
@@ -104,10 +98,10 @@ def check(
     channel: LogChannel = None,
 ) -> None:
     """See _CHECK."""
-    checks.every(lambda: log_files.check(log), lambda: _truck(vehicle))
+    from truck_bridge import vehicles
     from truck_bridge.can_logs import checking
 
-    found = checking.check(log, _truck(vehicle), channel=channel)
+    found = checking.check(log, vehicles.load(vehicle), channel=channel)
     for line in checking.lines(found):
         print(line)
     raise typer.Exit(0 if found.clean else 1)
@@ -116,7 +110,6 @@ def check(
 @app.command(help=_CONVERT)
 def convert(log: Path, out: Path, channel: LogChannel = None) -> None:
     """See _CONVERT."""
-    checks.every(lambda: log_files.check(log), lambda: log_files.check_new(out))
     from truck_bridge import can_logs
 
     account = can_logs.convert(log, out, channel=channel)
@@ -132,7 +125,6 @@ def record(
     duration: Annotated[float | None, typer.Option(help="stop after so many seconds", min=0.0)] = None,
 ) -> None:
     """See _RECORD."""
-    log_files.check_new(log)
     from truck_bridge import can_logs
 
     print(f"{can_logs.record(log, interface, channel, duration)} frames in {log}")
@@ -150,7 +142,6 @@ def replay(
     ] = None,
 ) -> None:
     """See _REPLAY."""
-    log_files.check(log)
     from truck_bridge import can_logs
 
     account = Account(str(log), "frames")
@@ -159,13 +150,6 @@ def replay(
     )
     print(f"{sent} frames sent")
     _show(account)
-
-
-@functools.cache
-def _truck(name: str) -> Vehicle:
-    from truck_bridge import vehicles
-
-    return vehicles.load(name)
 
 
 def _show(account: Account) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.formats import BAG as BAG_OF_FRAMES
-from deeptruck_core.formats import Kind, check_measurement, format_of, suffix_of
+from deeptruck_core.formats import Kind, kind_of, suffix_of
 from deeptruck_core.imports.entry_points import registered
 from deeptruck_core.signals import CHANNELS, SLOPE_FROM, TruckInterface, check_slope_source
 from deeptruck_model.checks import Clock, calls
@@ -105,8 +105,7 @@ def check(
     apart(out, source)
     if not source.exists():
         raise InputError(f"{source} does not exist")
-    mapping, form = _mapping(columns), format_of(source)
-    kind = Kind.TABLE if form is None else form.kind
+    mapping, kind = _mapping(columns), kind_of(source) or Kind.TABLE
     if kind is Kind.BAG and not is_topic_map(mapping):
         kind = Kind.FRAMES  # a single file may hold frames
         if source.is_dir() or suffix_of(source) != BAG_OF_FRAMES:
@@ -118,8 +117,6 @@ def check(
             f"{source} is read as a CAN log, but these columns describe a table (they have a 'time'); "
             f"{A_MAP}; of a CAN log 'columns' has a vehicle (docs/can_bridge.md), or nothing: {{}}"
         )
-    if kind is not Kind.BAG:
-        check_measurement(source)
     if kind is Kind.TABLE:
         load_columns(columns)
     return kind
@@ -127,9 +124,7 @@ def check(
 
 def is_can_log(path: Path) -> bool:
     """Whether a file holds CAN frames; a single MCAP file without a topic map does."""
-    form = format_of(path)
-    frames = form is not None and form.kind is Kind.FRAMES
-    return frames or (suffix_of(path) == BAG_OF_FRAMES and not path.is_dir())
+    return kind_of(path) is Kind.FRAMES or (suffix_of(path) == BAG_OF_FRAMES and not path.is_dir())
 
 
 def is_table(path: Path) -> bool:
@@ -137,15 +132,14 @@ def is_table(path: Path) -> bool:
 
     Raises InputError for a CAN log: its meaning is in a vehicle file.
     """
-    check_measurement(path)
-    form = format_of(path)
-    if form is not None and form.kind is Kind.FRAMES:
+    kind = kind_of(path)
+    if kind is Kind.FRAMES and path.is_file():
         raise InputError(
             f"{path} is read as a CAN log: 'truck-bridge decode' shows its signals (docs/can_bridge.md), "
-            f"and 'deeptruck-model import {path} --out BAG' needs no columns; a table of signals ends on "
-            ".csv or .parquet"
+            f"and 'deeptruck-model import {path} --out BAG' needs no columns; a measurement of signals is "
+            "exported as .csv or .parquet"
         )
-    return path.is_file() if form is None else form.kind is Kind.TABLE
+    return kind is Kind.TABLE and (path.is_file() or path.is_dir())
 
 
 def _mapping(columns: Meaning) -> dict[str, Any]:

@@ -139,7 +139,7 @@ def table(found: Decoding) -> Iterator[str]:
 
 
 def write_csv(found: Decoding, out: Path) -> None:
-    """Write every valid sample, in order of time. Raises InputError if the file exists or cannot be
+    """Write every valid sample as CSV, in order of time. Raises InputError if the file exists or cannot be
     written."""
     rows = sorted(
         (t, f"0x{key[2]:02X}", f"{key[0]}.{key[1]}", v, found.signal(key).unit)

@@ -9,6 +9,7 @@ import can
 
 ERROR_FLAG, REMOTE_FLAG, EXTENDED_FLAG = 0x2000_0000, 0x4000_0000, 0x8000_0000  # SocketCAN, in an identifier
 EXTENDED_MASK, STANDARD_MASK = 0x1FFF_FFFF, 0x7FF
+COPY = "copy the log anew from where it was recorded"
 
 
 class Kind(Enum):
@@ -25,8 +26,9 @@ class Frame(NamedTuple):
 
     `channel` is the bus as the log names it: can0, or the number of an ASC, BLF or TRC channel. `extended` is
     the class of the identifier, by the log's notation and not by its value, because 29-bit identifiers below
-    0x800 exist and are the most urgent. `length` is the number of bytes that a remote frame requests; `rate`
-    and `passive` are the bit-rate switch and the error state of a CAN FD frame.
+    0x800 exist and are the most urgent. `length` is the number of bytes that a remote frame requests or,
+    where the log states it beside the bytes, that a data frame has; `rate` and `passive` are the bit-rate
+    switch and the error state of a CAN FD frame.
     """
 
     time: float
@@ -38,6 +40,11 @@ class Frame(NamedTuple):
     length: int = 0
     rate: bool = False
     passive: bool = False
+
+    @property
+    def is_short(self) -> bool:
+        """Whether bytes lack that the log states."""
+        return self.kind is Kind.DATA and len(self.data) < self.length
 
     @property
     def message(self) -> can.Message:
@@ -97,7 +104,7 @@ def of_message(message: can.Message, channel: str) -> Frame:
         channel,
         message.is_extended_id,
         kind,
-        message.dlc if kind is Kind.REMOTE else 0,
+        0 if message.is_fd else message.dlc,
         message.bitrate_switch,
         message.error_state_indicator,
     )

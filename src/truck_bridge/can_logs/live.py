@@ -2,35 +2,32 @@
 
 from __future__ import annotations
 
-import fcntl
 import itertools
 import math
-import os
-import re
 import signal
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import can
 
-from deeptruck_core import files, formats
+from deeptruck_core import files
 from deeptruck_core.account import Account
-from truck_bridge import log_files
+from deeptruck_core.formats import BAG
 from truck_bridge.bus import open_bus
 from truck_bridge.can_logs.frames import Kind
-from truck_bridge.can_logs.reader import every, read
+from truck_bridge.can_logs.reader import every, need_asammdf, read
+from truck_bridge.can_logs.rosbag import FLUSH_S, RosbagWriter
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.ids import ADDRESS_CLAIMED, Identifier
 
+WRITABLE = (".log", ".asc", ".trc", ".blf", ".mf4", BAG)
 ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_LOST = {  # frames that a form of log, or python-can's writer of it, cannot hold
-    formats.BAG: frozenset({Kind.FD}),
+LOST = {  # frames that a form of log, or python-can's writer of it, cannot hold
+    BAG: frozenset({Kind.FD}),
     ".trc": frozenset({Kind.ERROR, Kind.REMOTE, Kind.FD}),
 }
 COMMAND_PGNS = {0x0000, 0x0100, 0x0400, 0xEF00, ADDRESS_CLAIMED}  # TSC1, TC1, XBR, proprietary A; claims
@@ -39,35 +36,37 @@ COMMAND_PGNS = {0x0000, 0x0100, 0x0400, 0xEF00, ADDRESS_CLAIMED}  # TSC1, TC1, X
 def record(path: Path, interface: str, channel: str, duration: float | None = None) -> int:
     """Write a bus to a log until the duration, SIGINT, SIGTERM or SIGHUP. Returns the number of frames.
 
-    The log has its final name from the beginning, so that a kill leaves what was recorded. Raises InputError
-    if the bus cannot be opened or is silent (the log is then removed, unless another process wrote to it), or
-    if the log exists, is of an unknown kind, cannot be written, or has been replaced by another file at the
-    end; what was written before a disk became full is kept.
+    The log has its final name from its first frame on, so that a kill leaves what was recorded. Raises
+    InputError if the bus cannot be opened or is silent (then there is no log), or if the log exists, is of an
+    unknown kind or cannot be written; what was written before a disk became full is kept.
     """
-    log_files.check_new(path)
-    logger = _logger(path, new=True)
+    check_new(path)
     bus = open_bus(interface, channel)
     count, end = 0, math.inf if duration is None else time.monotonic() + duration
+    first: can.Message | None = None
     try:
-        with _end_requested() as ended, _writing(logger, path) as write:
-            mine = _identity(path)
-            while not ended.is_set() and (left := end - time.monotonic()) > 0:
-                message = bus.recv(min(left, 0.2))
-                if message is not None:
+        with _end_requested() as ended:
+
+            def received() -> Iterator[can.Message]:
+                while not ended.is_set() and (left := end - time.monotonic()) > 0:
+                    if (message := bus.recv(min(left, 0.2))) is not None:
+                        yield message
+
+            messages = received()
+            first = next(messages, None)
+            if first is None:
+                raise InputError(
+                    f"nothing was received on {interface} {channel}; is it the right channel, is the bus on?"
+                )
+            with _writing(path, path, new=True) as write:
+                for message in itertools.chain([first], messages):
                     write(message)
                     count += 1
     except can.CanError as error:
-        raise InputError(f"the bus is gone ({error}); {count} frames are in {path}") from None
+        where = f"; {count} frames are in {path}" if count else ""
+        raise InputError(f"the bus is gone ({error}){where}") from None
     finally:
         bus.shutdown()
-    if _identity(path) != mine:
-        raise InputError(f"{path} was moved or replaced meanwhile; the {count} frames are where it went")
-    if count == 0:
-        silent = f"nothing was received on {interface} {channel}; is it the right channel, does anyone speak?"
-        if _outline(path) != _outline_of_silence(path):
-            raise InputError(f"{silent} {path} stays, as somebody else wrote into it")
-        path.unlink()
-        raise InputError(silent)
     return count
 
 
@@ -77,10 +76,10 @@ def convert(source: Path, out: Path, *, channel: str | None = None) -> Account:
     Frames that the format cannot hold are omitted and counted. Raises InputError as `read` and `record` do;
     then nothing is left behind.
     """
-    log_files.check_new(out)
+    check_new(out)
     account = Account(str(source), "frames")
-    lost = _LOST.get(out.suffix.lower(), frozenset())
-    with files.new_file(out) as draft, _writing(_logger(out, new=False), draft, out) as write:
+    lost = LOST.get(out.suffix.lower(), frozenset())
+    with files.new_file(out) as draft, _writing(draft, out, new=False) as write:
         for frame in every(source, account):
             if channel is not None and frame.channel != channel:
                 account.total.set_aside("frames of other buses", f"on {frame.channel}")
@@ -131,30 +130,6 @@ def replay(
     return count
 
 
-def _identity(path: Path) -> tuple[int, int] | None:
-    """Device and inode of the file with this name; None if there is none."""
-    try:
-        found = path.stat(follow_symlinks=False)
-    except OSError:
-        return None
-    return found.st_dev, found.st_ino
-
-
-def _outline(log: Path) -> bytes | int:
-    """Content of a log without its numbers and times; for a binary log, its size."""
-    data = log.read_bytes()
-    return re.sub(rb"\d+", b"0", data) if log.suffix in formats.LINES else len(data)
-
-
-def _outline_of_silence(path: Path) -> bytes | int:
-    """The outline of a log of this kind without frames."""
-    with tempfile.TemporaryDirectory() as place:
-        like = Path(place) / path.name
-        with _writing(_logger(like, new=True), like):
-            pass
-        return _outline(like)
-
-
 @contextmanager
 def _end_requested() -> Iterator[threading.Event]:
     """An event set by the signals that end a recording; an exception during a write would leave half a
@@ -172,57 +147,41 @@ def _end_requested() -> Iterator[threading.Event]:
             signal.signal(number, handler)
 
 
+def check_new(path: Path) -> None:
+    """Raises InputError if a log cannot be created under this name; nothing is changed."""
+    if path.suffix.lower() not in WRITABLE:
+        raise InputError(f"{path}: a log's name ends in {', '.join(WRITABLE)}")
+    need_asammdf(path)
+    files.check_new(path)
+
+
 @contextmanager
-def _writing(
-    logger: Callable[[Path], Any], path: Path, shown: Path | None = None
-) -> Iterator[Callable[[can.Message], None]]:
-    """A function that writes a frame. Raises InputError if the file cannot be written (any further)."""
+def _writing(path: Path, shown: Path, *, new: bool) -> Iterator[Callable[[can.Message], None]]:
+    """A function that writes a frame, and flushes, so that frames older than half a second survive a kill if
+    the format can be read without its end. A `new` log is created here, and never replaces another's.
+
+    Raises InputError if the file cannot be written (any further).
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        log = logger(path)
+        if new:
+            path.touch(exist_ok=False)
+        log: Any = RosbagWriter(path) if shown.suffix.lower() == BAG else can.Logger(path)
+        flushed, file = time.monotonic(), getattr(log, "file", None)
+
+        def write(message: can.Message) -> None:
+            nonlocal flushed
+            log.on_message_received(message)
+            if file is not None and time.monotonic() - flushed > FLUSH_S:
+                file.flush()
+                flushed = time.monotonic()
+
         try:
-            yield _flushing(log)
+            yield write
         finally:
             log.stop()
     except InputError:
         raise
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, NotImplementedError) as error:
         says = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"cannot write {shown or path}: {says}") from None
-
-
-def _logger(path: Path, *, new: bool) -> Callable[[Path], Any]:
-    """A function that makes a python-can listener for the kind of log in the suffix.
-
-    A `new` one creates the file, with folders, and never replaces another's.
-    """
-    if path.suffix.lower() == formats.BAG:
-        from truck_bridge.can_logs.rosbag import RosbagWriter
-
-        return partial(RosbagWriter, mode="xb" if new else "wb")
-    return _new_log if new else can.Logger
-
-
-def _new_log(path: Path) -> Any:
-    path.touch(exist_ok=False)
-    log = can.Logger(path)
-    if path.suffix.lower() in formats.LINES:  # what somebody else appends is never written over
-        log.file.flush()
-        number = log.file.fileno()
-        fcntl.fcntl(number, fcntl.F_SETFL, fcntl.fcntl(number, fcntl.F_GETFL) | os.O_APPEND)
-    return log
-
-
-def _flushing(log: Any) -> Callable[[can.Message], None]:
-    """A function that writes and flushes, so that frames older than half a second survive a kill, if the
-    format can be read without its end."""
-    flushed, file = time.monotonic(), getattr(log, "file", None)
-
-    def write(message: can.Message) -> None:
-        nonlocal flushed
-        log.on_message_received(message)
-        if file is not None and time.monotonic() - flushed > log_files.FLUSH_S:
-            file.flush()
-            flushed = time.monotonic()
-
-    return write
+        raise InputError(f"cannot write {shown}: {says}") from None

@@ -9,27 +9,22 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Iterator
-from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, Literal
+from typing import Any
 
 import can
 import numpy as np
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.reader import make_reader
-from mcap.records import Channel, Chunk, Message, Schema
-from mcap.stream_reader import MAGIC_SIZE, breakup_chunk, read_magic
-from mcap.writer import CompressionType, Writer
+from mcap.exceptions import EndOfFile
+from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from rosbags.rosbag1 import Reader as Rosbag1
 from rosbags.rosbag2 import Reader as Rosbag2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from deeptruck_core import formats
 from deeptruck_core.account import Account
-from truck_bridge import log_files
 from truck_bridge.can_logs.frames import EXTENDED_FLAG, EXTENDED_MASK, Frame, Kind
-from truck_bridge.can_logs.whole import check_mcap
 from truck_bridge.errors import InputError
 
 TYPE = "can_msgs/msg/Frame"
@@ -44,6 +39,8 @@ uint8 dlc
 uint8[8] data
 """
 SECOND = 1_000_000_000  # ns
+MOST_BYTES = 1 << 30  # of one record, above which the file is damaged
+FLUSH_S = 0.5  # what a recorder took before survives a kill -9
 
 
 def _types(kind: Stores = Stores.ROS2_JAZZY) -> Any:
@@ -53,99 +50,68 @@ def _types(kind: Stores = Stores.ROS2_JAZZY) -> Any:
 
 
 def frames(path: Path, account: Account) -> Iterator[Frame]:
-    """The frames of all topics of the type, in order of time. An unfinished bag of a killed recorder gives
-    the frames that were written, and a remark in `account`.
+    """The frames of all topics of the type, in the order of the file. The bag of a killed recorder gives what
+    was written, and a remark in `account`.
 
     Raises InputError if there is no such topic.
     """
-    suffix = formats.BAG
-    files = sorted(path.glob(f"*{suffix}")) if path.is_dir() else [path] if path.suffix == suffix else []
-    if False in list(map(check_mcap, files)) and path.is_file():
-        for frame in _read_unfinished(path):
-            account.total.read += 1
-            yield frame
-        account.remarks.append(f"{path} was not finished; its last half second may lack")
-        return
-    ros1 = path.suffix == ".bag"
-    held: set[str] = set()
-    store = _types(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
-    parse = store.deserialize_ros1 if ros1 else store.deserialize_cdr
-    for channels, topic, stamp, raw in _of_mcap(files, held) if files else _of_others(path, held):
+    files = sorted(path.glob(f"*{formats.BAG}")) if path.is_dir() else [path]
+    types: set[str] = set()
+    messages: Iterator[_Raw]
+    if files and files[0].suffix == formats.BAG:
+        messages = (message for file in files for message in _of_mcap(file, types, account))
+        parse = _types().deserialize_cdr
+    else:
+        messages = _of_others(path, types)
+        ros1 = path.suffix == ".bag"
+        store = _types(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
+        parse = store.deserialize_ros1 if ros1 else store.deserialize_cdr
+    for topic, stamp, raw in messages:
         account.total.read += 1
-        yield _frame(parse(raw, TYPE), stamp, channels[topic])
-    if TYPE not in held:
-        said = ", ".join(sorted(held)) or "nothing"
-        raise InputError(f"{path} holds no {TYPE}, the type of raw CAN frames; it holds {said}")
+        yield _frame(parse(raw, TYPE), stamp, topic.removesuffix(TOPIC).strip("/") or "can0")
+    if TYPE not in types:
+        held = ", ".join(sorted(types)) or "nothing"
+        raise InputError(f"{path} holds no {TYPE}, the type of raw CAN frames; it holds {held}")
 
 
-_Raw = tuple[dict[str, str], str, int, bytes]  # buses by topic; topic, log time in ns and content
+_Raw = tuple[str, int, bytes]  # topic, log time in ns and content
 
 
-def _of_mcap(files: list[Path], held: set[str]) -> Iterator[_Raw]:
-    """The frames of MCAP files, whatever the serialisation of other topics; `held` gets the types of all."""
-    for file in files:
-        with file.open("rb") as stream:
-            reader = make_reader(stream, validate_crcs=True)
-            summary = reader.get_summary()
-            types = {k: schema.name for k, schema in (summary.schemas if summary else {}).items()}
-            held |= set(types.values())
-            all_channels = (summary.channels if summary else {}).values()
-            chosen = {c.topic for c in all_channels if types.get(c.schema_id) == TYPE}
-            channels = _channels(chosen)
-            for schema, channel, message in reader.iter_messages(topics=sorted(chosen)) if chosen else ():
-                if schema is not None and schema.name == TYPE:
-                    yield channels, channel.topic, message.log_time, message.data
-
-
-def _of_others(path: Path, held: set[str]) -> Iterator[_Raw]:
-    """The frames of a database or a ROS 1 bag."""
-    with Rosbag1(path) if path.suffix == ".bag" else Rosbag2(path) as reader:
-        held |= {connection.msgtype for connection in reader.connections}
-        chosen = [connection for connection in reader.connections if connection.msgtype == TYPE]
-        channels = _channels({connection.topic for connection in chosen})
-        for connection, stamp, raw in reader.messages(chosen) if chosen else ():
-            yield channels, connection.topic, stamp, raw
-
-
-def _read_unfinished(path: Path) -> Iterator[Frame]:
-    """The complete chunks of a file without its end. Raises InputError if there is none."""
-    store = _types()
-    schemas: set[int] = set()
-    topics: dict[int, str] = {}  # by channel id
-    with path.open("rb") as stream:
-        for chunk in _whole_chunks(stream, path.stat().st_size):
-            for record in breakup_chunk(chunk, validate_crc=True):
-                if isinstance(record, Schema) and record.name == TYPE:
-                    schemas.add(record.id)
-                elif isinstance(record, Channel) and record.schema_id in schemas:
+def _of_mcap(file: Path, types: set[str], account: Account) -> Iterator[_Raw]:
+    """The frames of an MCAP file, whatever its other topics hold; `types` gets those of all."""
+    schemas: dict[int, str] = {}
+    topics: dict[int, str] = {}  # of frames, by channel
+    with file.open("rb") as stream:
+        end = max(file.stat().st_size - len(MCAP0_MAGIC), 1)
+        stream.seek(end)
+        finished = stream.read() == MCAP0_MAGIC
+        stream.seek(0)
+        try:
+            for record in StreamReader(stream, validate_crcs=True, record_size_limit=MOST_BYTES).records:
+                if isinstance(record, Schema):
+                    schemas[record.id] = record.name
+                    types.add(record.name)
+                elif isinstance(record, Channel) and schemas.get(record.schema_id) == TYPE:
                     topics[record.id] = record.topic
                 elif isinstance(record, Message) and record.channel_id in topics:
-                    name = _channels(set(topics.values()))[topics[record.channel_id]]
-                    yield _frame(store.deserialize_cdr(record.data, TYPE), record.log_time, name)
-    if not topics:
-        raise InputError(
-            f"{path} was not finished, and holds no whole chunk with a topic of {TYPE}; record it anew"
-        )
+                    yield topics[record.channel_id], record.log_time, record.data
+        except (EndOfFile, struct.error):
+            if finished:
+                raise
+            if not topics:
+                raise InputError(
+                    f"{file} was not finished, and holds no topic of {TYPE}; record it anew"
+                ) from None
+            account.remarks.append(f"{file} was not finished; its last half second may lack")
 
 
-def _channels(topics: set[str]) -> dict[str, str]:
-    """The bus of each topic: /can1/from_can_bus is can1, /from_can_bus alone can0; else the topic's name."""
-    named = {topic: topic.removesuffix(TOPIC).strip("/") or "can0" for topic in topics}
-    return named if len(set(named.values())) == len(topics) else {topic: topic for topic in topics}
-
-
-def _whole_chunks(stream: BinaryIO, size: int) -> Iterator[Chunk]:
-    """The chunks of a file up to its truncated record."""
-    if size < MAGIC_SIZE:
-        return
-    read_magic(ReadDataStream(stream))
-    while len(head := stream.read(9)) == 9:
-        opcode, length = struct.unpack("<BQ", head)
-        if stream.tell() + length > size:
-            return
-        content = stream.read(length)
-        if opcode == Opcode.CHUNK:
-            yield Chunk.read(ReadDataStream(BytesIO(content)))
+def _of_others(path: Path, types: set[str]) -> Iterator[_Raw]:
+    """The frames of a database or a ROS 1 bag."""
+    with Rosbag1(path) if path.suffix == ".bag" else Rosbag2(path) as reader:
+        types |= {connection.msgtype for connection in reader.connections}
+        chosen = [connection for connection in reader.connections if connection.msgtype == TYPE]
+        for connection, stamp, raw in reader.messages(chosen) if chosen else ():
+            yield connection.topic, stamp, raw
 
 
 def _frame(message: Any, stamp: int, channel: str) -> Frame:
@@ -172,9 +138,9 @@ def _topic(bus: int | str | None) -> str:
 class RosbagWriter:
     """A python-can listener that writes one .mcap file, as `ros2 bag play` and Foxglove open it."""
 
-    def __init__(self, path: Path, mode: Literal["wb", "xb"] = "xb") -> None:
+    def __init__(self, path: Path) -> None:
         self._store = _types()
-        self._stream = path.open(mode)
+        self._stream = path.open("wb")
         self._writer = Writer(self._stream, compression=CompressionType.NONE)
         self._writer.start(profile="ros2", library="truck_bridge")
         text, _ = self._store.generate_msgdef(TYPE, ros_version=2)
@@ -196,7 +162,7 @@ class RosbagWriter:
         cdr = self._store.serialize_cdr(self._frame(message, stamp), TYPE)
         self._count += 1
         self._writer.add_message(self._channel(_topic(message.channel)), stamp, cdr, stamp, self._count)
-        if time.monotonic() - self._flushed > log_files.FLUSH_S:
+        if time.monotonic() - self._flushed > FLUSH_S:
             self._writer.flush()
             self._stream.flush()
             self._flushed = time.monotonic()

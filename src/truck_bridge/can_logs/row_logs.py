@@ -18,7 +18,7 @@ from deeptruck_core.account import Account
 from deeptruck_core.constants import DAY_S
 from deeptruck_core.frame_rows import FrameColumns, FrameTable
 from truck_bridge.can_logs.frames import EXTENDED_MASK, Frame, Kind, of_raw
-from truck_bridge.can_logs.text_logs import lines_of
+from truck_bridge.can_logs.lines import NO_FRAME, lines_of
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.ids import GLOBAL, Identifier
 
@@ -31,8 +31,8 @@ _EXTENDED = ("x", "xr", "ext", "extended", "eff", "29", *_YES)
 
 
 def frames(path: Path, account: Account) -> Iterator[Frame]:
-    """The frames of a table, below any lines of text. Raises InputError at a damaged row, and for a table
-    that lacks times, identifiers or bytes."""
+    """The frames of a table, below any lines of text; rows that are no frame are counted. Raises InputError
+    for a table that lacks times, identifiers or bytes, or has no such row."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         found = frame_rows.find(file)
     if found is None or found.columns is None:
@@ -47,8 +47,8 @@ def frames(path: Path, account: Account) -> Iterator[Frame]:
     form = _Form.of(found, found.columns, some)
     if form.tick < 0.0:
         account.remarks.append("times are negative and fall: they are read without their sign")
-    day = 0.0
-    before = 0.0
+    day = before = 0.0
+    first, count = "", 0
     for number, row in enumerate(chain(some, rows), found.above + 2):
         if not any(row):
             continue
@@ -56,11 +56,16 @@ def frames(path: Path, account: Account) -> Iterator[Frame]:
         try:
             frame = _of_row(row, form)
         except (ValueError, IndexError) as error:
-            raise InputError(f"{path}, line {number}: not a row of CAN frames ({str(error)[:80]})") from None
+            first = first or f"line {number}: {str(error)[:80]}"
+            account.total.set_aside(NO_FRAME, f"in line {number}")
+            continue
         if form.of_day and frame.time + day < before - DAY_S / 2:
             day += DAY_S  # it passes midnight
         before = frame.time + day
+        count += 1
         yield frame._replace(time=before) if day else frame
+    if first and not count:
+        raise InputError(f"{path} holds no row of CAN frames: {first}")
 
 
 @dataclass(frozen=True)

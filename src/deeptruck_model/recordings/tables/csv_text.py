@@ -19,7 +19,6 @@ from pyarrow import csv
 from deeptruck_core import reading
 from deeptruck_core.account import Account
 from deeptruck_core.errors import InputError
-from deeptruck_core.formats import check_measurement
 from deeptruck_model.recordings.tables.column import STATES, WITH_UNIT
 from deeptruck_model.recordings.words import spelled
 
@@ -86,7 +85,6 @@ def _likely(data: bytes) -> str:
 def find_format(path: Path) -> Format:
     """The format of a text table, by its beginning. Raises InputError for a file that is no text, or has no
     header above rows of numbers."""
-    check_measurement(path)
     try:
         data, encoding = content(path, None)
     except UnicodeError:

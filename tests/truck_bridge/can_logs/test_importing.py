@@ -1,4 +1,4 @@
-"""Logs: both text forms, python-can's formats, damage, decoding, import."""
+"""What a log's signals are, and which of them become channels."""
 
 from __future__ import annotations
 
@@ -27,32 +27,6 @@ def written(tmp_path, text, name="a.log"):
     path = tmp_path / name
     path.write_text(text)
     return path
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        CONSOLE,
-        LOGGED,
-        LOGGED.strip() + " R\n",
-        "\n# a comment\n" + CONSOLE,
-        CONSOLE + " (0.1)  can0  123   [2]  01 02\n",
-        CONSOLE
-        + "(1.0) can0 18EAFF00#R\n(1.0) can0 123##1AABB\n (1.0)  can0  18EAFF00   [3]  remote request\n",
-    ],
-    ids=["console", "logged", "direction", "comment", "standard", "remote and FD"],
-)
-def test_both_text_forms_of_candump(tmp_path, text):
-    frames = list(can_logs.read(written(tmp_path, text)))
-    assert [(f.can_id, f.data) for f in frames] == [(0x0CF00400, FRAME)]
-
-
-def test_a_second_written_as_a_million_microseconds_is_a_second(tmp_path):
-    """As asc2log wrote it before 2021: can-utils, pull request 286."""
-    times = ("1614188634.980000", "1614188634.1000000", "1614188635.020000")
-    lines = [f"({time}) can0 0CF00400#219B9BDD2F000F9B R\n" for time in times]
-    frames = list(can_logs.read(written(tmp_path, "".join(lines))))
-    assert [f.time - 1614188635 for f in frames] == pytest.approx([-0.02, 0.0, 0.02], abs=1e-6)
 
 
 def j1939_drive(speed, torque=lambda k: 150, senders=(0xEE,), pgn=0xFE6C):
@@ -98,46 +72,6 @@ def test_signals_that_no_channel_needs_are_not_kept(tmp_path):
     key = ("EEC1", "EngineSpeed", 0)
     assert len(every.series) > 3 and [*some.series] == [key] and some.frames == 3
     assert some.series[key] == every.series[key] and not some.invalid
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("", "holds no extended CAN frame"),
-        ("(1.0) can0 123#01\n", "holds no extended CAN frame"),
-        (CONSOLE + "rubbish\n", "line 2: not a line of candump"),
-        (CONSOLE + "rubbish\n" + CONSOLE, "line 2: not a line of candump"),
-        (CONSOLE.replace("[8]", "[7]"), "line 1"),
-        (CONSOLE[:50] + "\n", "line 1"),
-        (LOGGED.replace("#21", "#2"), "line 1"),
-        ("\x00\xff binary", "line 1"),
-    ],
-)
-def test_damage_is_one_line(tmp_path, text, says):
-    with pytest.raises(InputError, match=says) as error:
-        list(can_logs.read(written(tmp_path, text)))
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("name", "content"), [("a.blf", b"no BLF"), ("a.asc", b"\x00\x01"), ("a.xyz", b"what")]
-)
-def test_a_damaged_or_unknown_file_is_one_line(tmp_path, name, content):
-    path = tmp_path / name
-    path.write_bytes(content)
-    with pytest.raises(InputError) as error:
-        list(can_logs.read(path))
-    assert name in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-def test_a_missing_file_and_a_missing_library(tmp_path):
-    with pytest.raises(InputError, match="does not exist"):
-        list(can_logs.read(tmp_path / "none.log"))
-    path = tmp_path / "a.mf4"
-    path.write_bytes(b"MDF")
-    with pytest.raises(InputError, match=r"asammdf|cannot be read"):
-        list(can_logs.read(path))
 
 
 def drive(tmp_path, pedal=math.nan, seconds=2.0):
@@ -305,17 +239,6 @@ def test_time_that_runs_backwards_is_counted_and_said(tmp_path):
     assert "time runs backwards 3 times, by 0.700 s at most" in said
     forwards = can_logs.decode(written(tmp_path, "".join(lines[:2])))
     assert not forwards.account.remarks
-
-
-@pytest.mark.parametrize(
-    "end", ["(1.2) can0 0CF004", "(1.2) can0 0CF00400#219B", "(1.2) can0 0CF00400#219B9BD"]
-)
-def test_a_log_cut_in_its_last_line_is_said(tmp_path, end):
-    whole = "(1.0) can0 0CF00400#219B9BDD2F000F9B\n(1.1) can0 0CF00400#219B9BDD2F000F9B"
-    found = can_logs.decode(written(tmp_path, f"{whole}\n{end}"))
-    assert found.frames == 2
-    assert any("is cut off in its last line, 3, which is left out" in line for line in can_logs.table(found))
-    assert not can_logs.decode(written(tmp_path, whole)).account.remarks
 
 
 @real
