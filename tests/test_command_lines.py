@@ -197,7 +197,7 @@ REFUSED = {  # modules that must not be loaded, and what is said without them
         ),
     ),
     "truck_bridge.cli": (
-        "numpy rosbags torch numba scipy",
+        "torch numba scipy",
         ("truck-bridge --help", "truck-bridge decode none --vehicle tram"),
     ),
 }
