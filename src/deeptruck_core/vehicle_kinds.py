@@ -48,8 +48,9 @@ POSSIBLE = {
 """Of any vehicle: its body, its tyres, and its engine and brakes for a command."""
 
 VEHICLE_KINDS = {
-    # tractor-trailers to unaided boxes: NACFE, drag area 5 to 7; SAE J1269-class tyres 0.005 to 0.008
-    "truck": VehicleKind(20000.0, 3500.0, 60000.0, 6.0, 0.006, (-0.8, 3.0)),
+    # tractor-trailers to unaided boxes: NACFE, drag area 5 to 7; SAE J1269-class tyres 0.005 to 0.008;
+    # timber trucks of the Nordic countries have up to 76 t, Australian road trains 200 t
+    "truck": VehicleKind(20000.0, 3500.0, 250000.0, 6.0, 0.006, (-0.8, 3.0)),
     # M2 and M3; HBEFA's standard city bus has 11 t empty and 18 t full; drag coefficient 0.5 to 0.7 on 7 m^2
     "bus": VehicleKind(13000.0, 3000.0, 32000.0, 4.5, 0.007, (-0.5, 1.0)),
     # N1: up to 3.5 t in law, 4.25 t electric; drag coefficient 0.31 to 0.37 on 5 m^2
@@ -57,7 +58,7 @@ VEHICLE_KINDS = {
     # M1: type approvals of the EEA have 0.9 to 2.6 t; drag area 0.5 to 0.9; a trailer may double the mass
     "car": VehicleKind(1500.0, 500.0, 4500.0, 0.65, 0.010, (-0.4, 1.0)),
 }
-UNSTATED = VehicleKind(20000.0, 500.0, 60000.0, 6.0, 0.006, (-0.8, 3.0))
+UNSTATED = VehicleKind(20000.0, 500.0, 250000.0, 6.0, 0.006, (-0.8, 3.0))
 """Of a recording that does not say what drove: a truck's, with the masses of cars allowed."""
 
 

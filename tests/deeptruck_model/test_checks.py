@@ -49,7 +49,7 @@ def test_simulators_tell_what_they_are(tmp_path: Path) -> None:
     [
         ("truck:truksim", "there is no truck 'truksim'; did you mean trucksim"),
         ("truck:trucksim:mass=-1", "mass=-1 cannot be read: it does not exist; give a YAML file of"),
-        ("truck:trucksim:{dir}/heavy.yaml", "parameter 'mass' is -1 kg, not 1000 to 100000"),
+        ("truck:trucksim:{dir}/heavy.yaml", "parameter 'mass' is -1 kg, not 1000 to 250000"),
         ("truck:trucksim:{dir}/none.yaml", "none.yaml cannot be read: it does not exist"),
         ("{dir}/none", "none does not exist"),
         (__file__, "is a Python file; give it as python:test_checks:FACTORY from its folder"),

@@ -42,7 +42,7 @@ class Entry:
 
 
 NUMBERS = (
-    Entry("mass_kg", "Mass as driven", "kg", 1000.0, 60_000.0),
+    Entry("mass_kg", "Mass as driven", "kg", 1000.0, 250_000.0),
     Entry("axle_ratio", "Axle ratio (final drive)", "", 1.5, 10.0),
     Entry("rated_torque_nm", "Largest engine torque", "N m", 200.0, 5000.0),
     Entry("frontal_area_m2", "Frontal area", "m^2", 2.0, 13.0),

@@ -16,7 +16,7 @@ TABLE = 64  # points of the full-load curve, uniform in engine speed
 PEDAL = 21  # points of the pedal curve, every 5 %
 
 _ROWS = """
-body | mass | kg | 1000 | 100000 | gross mass
+body | mass | kg | 1000 | 250000 | gross mass
 body | drag_area | m^2 | 0 | 20 | drag coefficient times frontal area
 body | rolling_resistance | 1 | 0 | 0.2 | rolling force over weight
 body | rolling_resistance_speed | s/m | 0 | 0.01 | its growth with speed, per m/s

@@ -97,7 +97,11 @@ def at_high_speed(simulator: Simulator, drives: PreparedDrives) -> dict[str, flo
     ends = run(simulator, u, w, y0, None).y[:, -1, SPEED]
     held = int(np.argmin(np.abs(ends - Limits.high_speed)))
     one, out = slice(held, held + 1), {}
-    for name, change in accepted(simulator, dict.fromkeys(named, RAISED)).items():
+    raised, lowered = (accepted(simulator, dict.fromkeys(named, side * RAISED)) for side in (1.0, -1.0))
+    for name in named:
+        change = raised[name] or lowered[name]  # one at its limit can only be lowered
+        if not change:
+            continue
         truck = simulator.with_parameters({name: named[name] * (1.0 + change)})
         end = run(truck, u[one], w[one], y0[one], None).y[0, -1, SPEED]
         out[name] = float(end - ends[held]) / change

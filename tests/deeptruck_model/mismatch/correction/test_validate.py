@@ -20,7 +20,7 @@ from deeptruck_model.mismatch.mechanisms.air_tyres_road import NOBODY_M
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives
 from deeptruck_model.mismatch.prepare.prepared import Prepared, prepare
 from deeptruck_model.mismatch.rules import Limits, Rules
-from deeptruck_model.trucks import driving_cycles
+from deeptruck_model.trucks import PARAMETERS, driving_cycles
 
 TRUCK = trucks.load("trucksim")
 RULES = Rules()
@@ -61,6 +61,15 @@ def test_a_parameter_is_driven_at_high_speed() -> None:
     drag = 0.5 * AIR_DENSITY * own["drag_area"] * Limits.high_speed**2 / own["mass"]
     assert added["drag_area"] == pytest.approx(-drag * Limits.horizons_s[0], rel=0.2)
     assert added["torque_gain"] > 0.0 > added["rolling_resistance"] and "brake_gain" not in added
+
+
+def test_a_parameter_at_its_largest_value_is_driven_with_a_smaller_one() -> None:
+    drives = PreparedDrives((behind_another(0),), (True,), (), (), (), (), None)
+    heaviest = TRUCK.with_parameters(
+        {"mass": PARAMETERS["mass"].high, "drag_area": PARAMETERS["drag_area"].high}
+    )
+    added = at_high_speed(heaviest, drives)
+    assert added["drag_area"] < 0.0 and np.isfinite(list(added.values())).all() and "mass" in added
 
 
 @pytest.mark.parametrize(
