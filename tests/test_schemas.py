@@ -126,7 +126,8 @@ def program_takes(read: Callable[[], object]) -> bool:
         ("vehicle", "tractor", False),
         ("mass_kg", 24000, True),
         ("mass_kg", 100, False),
-        ("mass_kg", 70000, False),
+        ("mass_kg", 200_000, True),
+        ("mass_kg", 300_000, False),
         ("mass_kg", "24 t", False),
     ],
 )
