@@ -37,7 +37,7 @@ def check_simulator(
         ),
     ] = False,
 ) -> None:
-    """Drive a simulator a few seconds: what it fulfils, what it lacks, what 'mismatch' can find in it.
+    """Drive a simulator a few seconds: what it fulfils, and what it lacks.
 
     Example: deeptruck-model check-simulator python:examples.shuttle:make
     """
@@ -85,13 +85,7 @@ def _driven(simulator: str, changed: Path | None) -> list[Row]:
 
     truck = simulators.load(simulator) if changed is None else saved.as_it_is(changed)
     with progress("checking the simulator") as say:
-        table = protocol_check.examine(truck, say)
-        if protocol_check.missing(table):
-            return table
-        say("checking what a comparison can identify")
-        from deeptruck_model.mismatch.residual import identifiable
-
-        return [*table, *identifiable.rows(truck)]
+        return protocol_check.examine(truck, say)
 
 
 def _tell(table: list[Row]) -> None:

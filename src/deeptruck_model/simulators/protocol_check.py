@@ -29,6 +29,8 @@ GRADE = 0.03
 SEEN = 0.05  # m/s after DRIVE_S, by which a command shows
 ROUNDING = 0.02  # m/s^2, between acceleration and the change of speed
 LIKELY = 10.0  # m/s^2, more than any truck
+FORCES = ("traction_force", "brake_force", "drag_force", "rolling_force", "mass")  # of inside(), N and kg
+APART, APART_M_S2 = 0.5, 0.05  # that forces may be off: rotating masses in low gears, and a step's delay
 
 
 class Mark(StrEnum):
@@ -311,6 +313,34 @@ def _inside(s: Simulator) -> str:
     return ", ".join(seen)
 
 
+def _forces(s: Simulator) -> str:
+    seen = s.inside(start(s, 15.0))
+    lacking = [name for name in FORCES if name not in seen]
+    if "traction_force" in seen and lacking:
+        raise MissingError(
+            f"inside() has traction_force and not {', '.join(lacking)}",
+            "report all of these, or no traction_force",
+        )
+    if lacking:
+        raise NotedError(
+            "the mismatch tool splits them from its acceleration", f"report {', '.join(FORCES)} in inside()"
+        )
+    brakes = [{"brake": BRAKE[s.interface.brake_unit]}] if s.interface.brake_unit else []
+    for pedal in ({"engine": ENGINE[s.interface.engine_unit]}, {}, *brakes):
+        state, y = start(s, 15.0), np.zeros((1, 2))
+        for _ in range(max(2, round(DRIVE_S / s.dt))):
+            state, y = s.step(state, commands(s.interface, 1, **pedal), road(s.interface, 1))
+        traction, *against, mass = (float(s.inside(state)[name][0]) for name in FORCES)
+        forces, needed = traction - sum(map(abs, against)), mass * float(y[0, ACCELERATION])
+        if abs(forces - needed) > APART * max(abs(forces), abs(needed)) + APART_M_S2 * mass:
+            doing = next(iter(pedal), "no pedal")
+            raise NotedError(
+                f"add up to {forces:.0f} N with {doing}, and mass by acceleration is {needed:.0f} N",
+                "report all of them in N, and mass in kg; traction is positive forwards",
+            )
+    return "traction, brake, drag and rolling are its own"
+
+
 def _parameters(s: Simulator) -> str:
     own = s.parameters()
     if not own:
@@ -349,5 +379,6 @@ PROBES: tuple[tuple[str, Callable[[Simulator], str]], ...] = (
     ("grade", _grade),
     ("command of NaN", _command_of_nothing),
     ("inside", _inside),
+    ("forces", _forces),
     ("parameters", _parameters),
 )

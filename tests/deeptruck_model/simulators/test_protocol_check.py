@@ -93,7 +93,7 @@ def no_number(self: Any, state: Any, u: Any, w: Any, after: Any, y: Any) -> Any:
 
 
 def test_a_sound_simulator_and_the_pool_lack_nothing() -> None:
-    assert not not_ok(Sound())
+    assert set(not_ok(Sound())) == {"forces"}  # which it need not report
     for name in trucks.pool():
         assert set(not_ok(trucks.load(name))) <= {"grade"}
 
@@ -147,6 +147,7 @@ def test_what_ends_every_drive_is_said_once() -> None:
         ({"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, u, -w)}, "grade", "the opposite"),
         ({"inside": lambda self, state: {"gear": np.ones(7)}}, "inside", "gear of"),
         ({"inside": lambda self, state: {"traction_force": np.full(3, np.nan)}}, "inside", "not finite"),
+        ({"inside": lambda self, state: {"traction_force": state["speed"]}}, "forces", "not brake_force"),
         (
             {"inside": lambda self, state: {"engine_speed": np.full(3, 1500.0)}},
             "inside",
@@ -167,6 +168,25 @@ def test_each_fault_is_found(methods: dict[str, Any], about: str, says: str) -> 
     assert re.search(says, rows[about].says) and rows[about].mend
 
 
+@pytest.mark.parametrize(
+    ("name", "factor", "is_noted"),
+    [
+        ("traction_force", 1e-3, True),
+        ("traction_force", -1.0, True),
+        ("brake_force", 1e-3, True),
+        ("mass", 1e-3, True),
+        ("brake_force", -1.0, False),  # what holds back counts by its size
+    ],
+)
+def test_forces_that_do_not_add_up_are_noted(name: str, factor: float, is_noted: bool) -> None:
+    truck = trucks.load("trucksim")
+    own = truck.inside
+    truck.inside = lambda at: {n: x * (factor if n == name else 1.0) for n, x in own(at).items()}  # type: ignore[method-assign]
+    rows = not_ok(truck)
+    assert ("forces" in rows) is is_noted
+    assert not is_noted or (rows["forces"].state is Mark.NOTE and "add up to" in rows["forces"].says)
+
+
 def test_what_only_some_need_is_noted() -> None:
     bare = changed(
         inside=lambda self, state: {},
@@ -175,6 +195,7 @@ def test_what_only_some_need_is_noted() -> None:
     )
     bare.interface, bare.dt = TruckInterface("b", brake_unit=None, grade=False, fuel=False), 0.5
     rows = not_ok(bare)
-    assert set(rows) == {"dt", "brake command", "grade", "command of NaN", "inside", "parameters"}
+    noted = {"dt", "brake command", "grade", "command of NaN", "inside", "forces", "parameters"}
+    assert set(rows) == noted
     assert all(row.state is Mark.NOTE and row.mend for row in rows.values())
     assert not protocol_check.missing(list(rows.values()))

@@ -14,12 +14,12 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
 from deeptruck_core.arrays import Array
-from deeptruck_model.compare.alignment import NEAR_M
 from deeptruck_model.mismatch.prepare.prepared import Prepared, fill
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings.units import metres_per_degree
 
 STEP_M = 10.0
+NEAR_M = 30.0  # of one road: two lanes and the error of an ordinary GPS
 SMOOTH = 2.0  # steps over which a receiver's error is smoothed
 APART_M = 500.0  # between two roads: knots of one do not reach the other
 NOWHERE = -1.0  # the place of a drive without positions

@@ -16,15 +16,15 @@ from scipy.optimize import nnls
 from deeptruck_core.arrays import Array
 from deeptruck_core.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
 from deeptruck_core.signals import ACCELERATION, CHANNELS, FELT, FELT_SD, SPEED
-from deeptruck_model.compare.alignment import NEAR_M
+from deeptruck_model.mismatch.prepare.places import NEAR_M
 from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.residual.effective_mass import HELD_UNIT, with_effective_mass
 from deeptruck_model.mismatch.residual.evidence import Evidence, Grid, gears, overall_ratio, turns
 from deeptruck_model.mismatch.residual.expression import Expression, Signal, maximum
 from deeptruck_model.simulators import Run, Simulator, forced_run
+from deeptruck_model.simulators.protocol_check import FORCES
 
 KNOTS = 7
-FORCES = ("traction_force", "brake_force", "drag_force", "rolling_force", "mass")  # of `inside()`, N and kg
 
 
 @dataclass(frozen=True)
