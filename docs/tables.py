@@ -91,7 +91,7 @@ def row(*cells: str) -> str:
 
 def topic_row(topic: Topic) -> str:
     """A topic; who publishes and receives it is said with the nodes."""
-    names = "" if callable(topic.named) else ", ".join(topic.named)
+    names = ", ".join(topic.fields)
     content = f"{topic.content}: {names}" if names else topic.content
     return f"`{topic.name}` | {topic.type_name} | {topic.rate} | {content}"
 

@@ -215,7 +215,6 @@ MISMATCH = (  # the rooms of docs/mismatch_method.md, each of which makes one va
     ("mismatch.verdict",),
     ("mismatch.report",),
     ("mismatch.find", "mismatch.output"),
-    ("mismatch.live",),
 )
 
 

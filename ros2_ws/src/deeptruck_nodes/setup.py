@@ -11,7 +11,6 @@ NODES = (
     "leader",
     "controller",
     "can_bridge",
-    "mismatch_monitor",
     "recorder",
     "replay",
     "live_page",

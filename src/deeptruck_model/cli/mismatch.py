@@ -1,4 +1,4 @@
-"""`deeptruck-model mismatch`, `apply`, `adapt`, `road` and `prove`."""
+"""`deeptruck-model mismatch`, `apply`, `road` and `prove`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import typer
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import speed_unit
+from deeptruck_core.terminal import console
 from deeptruck_core.terminal.progress import progress
 from deeptruck_model import checks
 from deeptruck_model.cli.inputs import (
@@ -200,40 +201,6 @@ def apply(
         print(f"note: the report does not advise it: {advice.reason}", file=sys.stderr)
 
 
-def adapt(
-    simulator: Annotated[str, typer.Argument(metavar="SIM", help=SIMULATOR)],
-    recording: Annotated[Path, typer.Argument(help="A bag of the drive to adapt to.")],
-    out: Annotated[Path, typer.Option(help="New simulator directory.")],
-    first_s: Annotated[
-        float, typer.Option(help="Seconds at the beginning of the drive that are used.", min=60.0)
-    ] = 300.0,
-    topic_map: TopicMap = None,
-    clock: ClockOption = None,
-    msg: MessageFiles = None,
-    overwrite: Overwrite = False,
-) -> None:
-    """Adapt a simulator to one drive by its beginning: its load, its wind, and a constant force.
-
-    Example: deeptruck-model adapt SIM today --out adapted
-    """
-    folders.APPLIED.check(out, overwrite=overwrite)
-    apart(out, Path(simulator), recording)
-    with folders.APPLIED.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
-        from deeptruck_model import recordings as rec
-        from deeptruck_model import simulators
-        from deeptruck_model.mismatch import adapt as adapted_to
-
-        truck = simulators.load(simulator)
-        pieces = rec.read_all(
-            [recording], topic_map=topic_map, rate_hz=1.0 / truck.dt, clock=clock, msg=msg or ()
-        )
-        show_accounts(pieces)
-        say("driving the simulator along the recording")
-        found = adapted_to(truck, pieces, first_s, say=say)
-        found.truck.save(draft)
-    print(f"this drive's own, from {found.own.seconds:.0f} s of it: {found.own}; simulator in {out}")
-
-
 def road(
     directory: Annotated[
         Path, typer.Argument(help="Folder that 'mismatch' wrote, or roads.csv that 'fleet roads' wrote.")
@@ -345,9 +312,11 @@ def register(app: typer.Typer) -> None:
     """Add this room's commands to the console script."""
     app.command()(mismatch)
     app.command()(apply)
-    app.command()(adapt)
     app.command()(road)
     app.command()(prove)
+    console.moved(
+        app, "adapt", "'mismatch' on the bag of the drive: the report gives the mass to set for each drive"
+    )
 
 
 __all__ = ["InputError", "register"]

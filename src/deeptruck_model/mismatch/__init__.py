@@ -10,7 +10,6 @@ from deeptruck_core.imports.lazy import names
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, load_directory
     from deeptruck_model.mismatch.find import find_mismatch
-    from deeptruck_model.mismatch.live.adaptation import adapt
     from deeptruck_model.mismatch.mechanisms import LIBRARY
     from deeptruck_model.mismatch.output import apply, read, summary, write
     from deeptruck_model.mismatch.prepare.drives import Span
@@ -23,7 +22,6 @@ __all__ = [
     "Mismatch",
     "Span",
     "Verdict",
-    "adapt",
     "apply",
     "find_mismatch",
     "load_directory",
@@ -35,7 +33,6 @@ __all__ = [
 __getattr__ = names(
     __name__,
     {
-        "live.adaptation": ("adapt",),
         "correction.corrected_truck": ("CorrectedTruck", "load_directory"),
         "find": ("find_mismatch",),
         "report.found": ("Mismatch",),

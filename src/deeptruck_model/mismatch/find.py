@@ -118,7 +118,6 @@ def compared(
     recordings: Sequence[Recording],
     held_out: Sequence[Recording] = (),
     *,
-    sets_aside: bool = True,
     seed: int = 0,
     exclude: Sequence[str] = (),
     without: Sequence[Span] = (),
@@ -128,13 +127,8 @@ def compared(
     mechanisms: tuple[Mechanism, ...] = (),
 ) -> Compared | PreparedDrives:
     """The first half of `find_mismatch`: names and budget, without a correction; drives that are unusable if
-    nothing can be compared. Raises InputError as it does.
-
-    Without `sets_aside` all recordings are fitted if none is held out.
-    """
-    drives = prepare_drives(
-        simulator, recordings, held_out, rules, sets_aside=sets_aside, without=without, mass_kg=mass_kg
-    )
+    nothing can be compared. Raises InputError as it does."""
+    drives = prepare_drives(simulator, recordings, held_out, rules, without=without, mass_kg=mass_kg)
     if drives.unusable_because:
         return drives
 

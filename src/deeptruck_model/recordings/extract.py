@@ -24,7 +24,7 @@ from deeptruck_model.recordings.interpolate import Series
 from deeptruck_model.recordings.layout import Columns, Walker
 from deeptruck_model.recordings.obeyed import Obedience, no_load, with_engaged
 from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
-from deeptruck_model.recordings.resample import MARGIN_S, Received, Resampler
+from deeptruck_model.recordings.resample import MARGIN_S, Resampler
 from deeptruck_model.recordings.schemas import DRIVEN_BY
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, EXTRA_TOPIC, Source, TopicMap, load, stated
 
@@ -130,37 +130,6 @@ def _read(
     ]
     gated = any(source.gates for source in sources.values())
     return [gated_brake.substituted(recording) for recording in recordings] if gated else recordings
-
-
-def of_messages(
-    name: str,
-    received: Mapping[str, Received],
-    interface: TruckInterface,
-    *,
-    rate_hz: float,
-    no_load: bool = False,
-) -> list[Recording]:
-    """The recordings that `read` would return, from messages in memory by topic. With `no_load` no command
-    was obeyed.
-
-    Raises InputError if speed is missing, for time going back, and for units that cannot be right.
-    """
-    by_topic: dict[str, list[str]] = {}
-    sources = with_engaged({c: s for c, s in DEFAULT_TOPICS.items() if s.topic in received})
-    for channel, source in sources.items():
-        if source.topic in received and source.field in received[source.topic].columns:
-            by_topic.setdefault(source.topic, []).append(channel)
-    account = Account(name, "messages", sources={topic: len(received[topic].stamps) for topic in by_topic})
-    units = {command: interface.unit(command) for command in ("engine_command", "brake_command")}
-    resampler = Resampler(name, rate_hz=rate_hz, account=account, units=units)
-    obedience = Obedience(sources, account, no_load=no_load)
-    queues = {topic: Queue(topic, Path(name)) for topic in by_topic}
-    for topic, channels in by_topic.items():
-        if len(received[topic].stamps):
-            columns = [received[topic].columns[sources[c].field] for c in channels]
-            queues[topic].put(received[topic].stamps, columns)
-    _Drain(queues, by_topic, sources, resampler, obedience, account).until(None)
-    return [replace(r, obeyed=obedience.known) for r in resampler.finish(interface, ours=True)]
 
 
 def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> None:

@@ -7,11 +7,10 @@ bag of any length needs the memory of a few minutes.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_core.account import Account, Tally, moment
 from deeptruck_core.arrays import Array
@@ -42,14 +41,6 @@ UNMOVED = "zero while positions move on"
 BURSTS, LARGEST_BURST = 5, 20  # that are seen at least; samples in one
 BURST_PAUSE = 5.0  # times that a pause between bursts is longer than the step within
 _SLOW_S = 1.0  # channels with longer periods reach further than that; they are few and stay in memory
-
-
-@dataclass(frozen=True)
-class Received:
-    """Messages of one topic as received: stamps (n,), ns, and the column (n,) of each field."""
-
-    stamps: NDArray[np.int64]
-    columns: Mapping[str, Array]
 
 
 def uniform(

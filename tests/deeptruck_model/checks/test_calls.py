@@ -87,7 +87,6 @@ WRONG: dict[str, tuple[Call, str]] = {
     "mismatch.read": (lambda r: mismatch.read(None), "the folder must be a path"),
     "mismatch.apply": (lambda r: mismatch.apply(None, "out"), "the folder must be a path"),
     "mismatch.summary": (lambda r: mismatch.summary(None), "find_mismatch or mismatch.read returns"),
-    "mismatch.adapt": (lambda r: mismatch.adapt(TRUCK, 5), "recordings must be"),
     "trucks.load": (lambda r: trucks.load(None), "a truck must be a path"),
     "with_parameters": (lambda r: TRUCK.with_parameters(["mass"]), "given by name"),
     "with_dt": (lambda r: TRUCK.with_dt("a"), "dt must be a number in s"),

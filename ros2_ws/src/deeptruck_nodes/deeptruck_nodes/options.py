@@ -24,9 +24,6 @@ RadarLostFor = Annotated[float, typer.Option(help="For how long it sees nothing,
 InitialGap = Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")]
 Record = Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")]
 Overwrite = Annotated[bool, typer.Option(help=OVERWRITE_HELP)]
-Monitor = Annotated[
-    str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")
-]
 Page = Annotated[
     bool, typer.Option("--page", help="Show the run in a browser on this machine; prints the address.")
 ]

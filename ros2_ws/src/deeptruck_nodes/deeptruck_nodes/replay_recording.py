@@ -30,16 +30,13 @@ def main(
     ] = None,
     record: Annotated[Path | None, typer.Option(help="Record what is played; a new folder.")] = None,
     overwrite: options.Overwrite = False,
-    monitor: Annotated[
-        str, typer.Option(help="Simulator to compare the played truck with: /mismatch/residual.")
-    ] = "",
     page: options.Page = False,
     parameters: options.Parameters = None,
     run_folders: options.RunFolders = options.RUNS,
 ) -> None:
     """Play a bag back onto its topics, with /clock, in recorded time or faster."""
     given = {"replay": {"bag": str(bag.absolute()), "speed": speed, "start_s": start, "topics": topic or []}}
-    common = runs.Common(record, overwrite, parameters, run_folders, monitor, page)
+    common = runs.Common(record, overwrite, parameters, run_folders, page)
     raise typer.Exit(runs.replay(common, given))
 
 

@@ -12,7 +12,6 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_core.terminal import console
 from deeptruck_model import checks
-from deeptruck_model.checks.compatibility import Given, Taken, misfits
 from deeptruck_nodes import parameters
 
 T = TypeVar("T")
@@ -53,15 +52,6 @@ def policy_fits(policy: str, truck: TruckInterface | None) -> None:
     from deeptruck_cacc import load_policy
 
     load_policy(policy, truck)
-
-
-def monitor_fits(monitor: str, truck: TruckInterface | None) -> None:
-    """Raises InputError if the monitor's simulator does not exist, or takes other commands than the truck."""
-    own = checks.simulator(monitor)
-    if truck is None:
-        return
-    given = Given("this truck", lambda name: name not in (*truck.u, *truck.w), truck.unit)
-    checks.refuse(misfits(Taken(monitor, own.interface, own.dt), given))
 
 
 def leader_is_known(profile: str) -> None:

@@ -26,24 +26,18 @@ RADARS: dict[str, dict[str, float]] = {
 
 PAGE = "live_page"
 IN_TIME = ("can_bridge", "controller", "leader", "emulator")  # late, any makes the bridge hand back
-SPEAKERS = (
-    "can_bridge",
-    "controller",
-    "mismatch_monitor",
-    "replay",
-)  # what they print is for whoever sits before the run
+SPEAKERS = ("can_bridge", "controller", "replay")  # what they print is for whoever sits before the run
 
 
 @dataclass(frozen=True)
 class Common:
-    """Options of every run: the bag to record (None: none), parameters, the folder for run folders, the
-    simulator to compare the truck with (empty: none), and whether to show the live page."""
+    """Options of every run: the bag to record (None: none), parameters, the folder for run folders, and
+    whether to show the live page."""
 
     record: Path | None = None
     overwrite: bool = False
     parameters: Path | None = None
     runs: Path = Path("runs")
-    monitor: str = ""
     page: bool = False
 
 
@@ -55,7 +49,6 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
     interface = truck.interface if truck else None
     sections = {
         "recorder": _recorder(common, interface),
-        **_monitor(common),
         **_page(common, f"{simulator}, {policy}", interface),
         "leader": {},
         "controller": {
@@ -98,7 +91,7 @@ def drive_vehicle(
     misfits = Misfits()
     vehicle = misfits.of(lambda: vehicles.load(given["can_bridge"]["vehicle"]))
     interface = TruckInterface.from_dict(vehicle.interface) if vehicle else None
-    sections: Sections = {"recorder": _recorder(common, interface), **_monitor(common)}
+    sections: Sections = {"recorder": _recorder(common, interface)}
     sections |= _page(common, f"{given['can_bridge']['vehicle']}, {policy}", interface)
     sections |= {"leader": {}} if "leader" in given else {}
     # the simulator in a vehicle's file is what the emulator drives, not the truck on a real bus
@@ -108,8 +101,6 @@ def drive_vehicle(
     own = {name: getattr(vehicle, name) for name in names}
     sections |= {"controller": {**_controller(policy, interface), **limits, **own}, "can_bridge": {}}
     sections = _merged(sections, given, common, misfits)
-    if "mismatch_monitor" in sections:
-        sections["mismatch_monitor"]["no_load"] = sections["can_bridge"].get("no_load", False)
     _look_at_driving(misfits, common, sections, policy, interface)
     misfits.of(lambda: driver_actions(driver))
     if vehicle is not None:
@@ -128,11 +119,8 @@ def drive_vehicle(
 def replay(common: Common, given: Sections) -> int:
     """Play a bag on its topics; a bag whose recorder was killed is repaired first. Returns the exit code."""
     misfits = Misfits()
-    sections: Sections = {"recorder": _recorder(common, None), **_monitor(common)}
-    sections |= {**_page(common, "", None), "replay": {}}
+    sections: Sections = {"recorder": _recorder(common, None), **_page(common, "", None), "replay": {}}
     sections = _merged(sections, given, common, misfits)
-    if common.monitor:
-        misfits.of(lambda: checks.simulator(common.monitor))
     misfits.of_node(sections, "replay", lambda p: run_checks.bag_is_playable(Path(p["bag"]), p["topics"]))
     if common.record is not None:
         misfits.of_node(sections, "replay", lambda p: run_checks.elsewhere(Path(p["bag"]), common.record))
@@ -160,11 +148,8 @@ def _mend(bag: Path) -> None:
 def _look_at_driving(
     misfits: Misfits, common: Common, sections: Sections, policy: str, truck: TruckInterface | None
 ) -> None:
-    """Check what every run with a controller needs: its policy, its leader, and a monitor that fits the
-    truck."""
+    """Check what every run with a controller needs: its policy and its leader."""
     misfits.of(lambda: run_checks.policy_fits(policy, truck))
-    if common.monitor:
-        misfits.of(lambda: run_checks.monitor_fits(common.monitor, truck))
     misfits.of_node(sections, "leader", lambda p: run_checks.leader_is_known(p["profile"]))
     misfits.of_node(sections, "leader", lambda p: run_checks.leader_stays(p["profile"], common.record))
 
@@ -194,13 +179,6 @@ def _recorder(common: Common, interface: TruckInterface | None) -> dict[str, Any
         return {}
     text = json.dumps(interface.to_dict()) if interface else ""
     return {"bag": str(common.record.absolute()), "interface": text}
-
-
-def _monitor(common: Common) -> Sections:
-    """The monitor's parameters, if there is a monitor."""
-    if not common.monitor:
-        return {}
-    return {"mismatch_monitor": {"simulator": _named(common.monitor)}}
 
 
 def _page(common: Common, title: str, interface: TruckInterface | None) -> Sections:

@@ -57,7 +57,6 @@ def main(
     lockstep: Annotated[bool, typer.Option("--lockstep", help="As fast as it goes, repeatable.")] = False,
     rate: Annotated[float, typer.Option(help="Publishing rate in real time, Hz.")] = 10.0,
     seed: Annotated[int, typer.Option(help="Seed of the radar's noise.")] = 0,
-    monitor: options.Monitor = "",
     page: options.Page = False,
     parameters: options.Parameters = None,
     run_folders: options.RunFolders = options.RUNS,
@@ -75,7 +74,7 @@ def main(
         "controller": {"target_time_gap": time_gap},
         "truck_sim": {"rate_hz": rate, "initial_speed": initial_speed, "road": road, "duration_s": duration},
     }
-    common = runs.Common(record, overwrite, parameters, run_folders, monitor, page)
+    common = runs.Common(record, overwrite, parameters, run_folders, page)
     raise typer.Exit(runs.simulate(common, given, policy=policy, simulator=simulator, lockstep=lockstep))
 
 

@@ -88,7 +88,6 @@ def main(
     no_load: NoLoad = False,
     duration: Duration = 0.0,
     seed: Seed = 0,
-    monitor: options.Monitor = "",
     page: options.Page = False,
     parameters: options.Parameters = None,
     run_folders: options.RunFolders = options.RUNS,
@@ -111,7 +110,7 @@ def main(
     for option, text in (("--driver", driver), ("--actuators", actuators)):
         if text and not emulator:
             raise InputError(f"{option} is of the emulated truck: add --emulator")
-    common = runs.Common(record, overwrite, parameters, run_folders, monitor, page)
+    common = runs.Common(record, overwrite, parameters, run_folders, page)
     raise typer.Exit(
         runs.drive_vehicle(
             common,

@@ -5,7 +5,6 @@ Nodes, supervisor, layouts and docs/topics.md use these; tests compare the last 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -42,8 +41,8 @@ SOURCES = ("truck_sim", "can_bridge", "replay")
 
 @dataclass(frozen=True)
 class Topic:
-    """`named` are the names in a JointState, or a function that gives them; `rate` describes how often it is
-    published, and `pause_s` is the usual time between two messages if that exceeds 2 s."""
+    """`fields` are the names in a JointState, always in this order; `rate` describes how often it is
+    published."""
 
     name: str
     message: type
@@ -51,13 +50,7 @@ class Topic:
     subscribers: tuple[str, ...]
     rate: str
     content: str
-    named: tuple[str, ...] | Callable[[], tuple[str, ...]] = ()
-    pause_s: float = 0.0
-
-    @property
-    def fields(self) -> tuple[str, ...]:
-        """The names in a JointState, always in this order."""
-        return self.named() if callable(self.named) else self.named
+    fields: tuple[str, ...] = ()
 
     @property
     def type_name(self) -> str:
@@ -65,40 +58,27 @@ class Topic:
         return f"{self.message.__module__.split('.')[0]}/msg/{self.message.__name__}"
 
 
-# The library of mechanisms takes longer to import than all else a node needs, and few nodes need its names.
-def _probable() -> tuple[str, ...]:
-    from deeptruck_model.mismatch.mechanisms.families import NAMES
-
-    return (*NAMES, *(name for names in NAMES.values() for name in names), "unknown", "nothing")
-
-
-def _budget() -> tuple[str, ...]:
-    from deeptruck_model.mismatch.mechanisms.families import PARTS
-
-    return ("speed_rmse", "horizon_s", *PARTS)
-
-
 TWIST = Topic(
     "/truck/twist", TwistStamped, SOURCES,
-    ("leader", "controller", "mismatch_monitor", "recorder"),
+    ("leader", "controller", "recorder"),
     "rate_hz", "twist.linear.x = speed, m/s",
 )  # fmt: skip
 ACCEL = Topic(
-    "/truck/accel", AccelStamped, SOURCES, ("mismatch_monitor", "recorder"),
+    "/truck/accel", AccelStamped, SOURCES, ("recorder",),
     "rate_hz", "accel.linear.x = acceleration, m/s^2",
 )  # fmt: skip
 IMU = Topic(
-    "/truck/imu", Imu, SOURCES, ("mismatch_monitor", "recorder"),
+    "/truck/imu", Imu, SOURCES, ("recorder",),
     "rate_hz", "linear_acceleration.x = what an accelerometer reads, m/s^2: dv/dt + g sin(slope)",
 )  # fmt: skip
 STATUS = Topic(
-    "/truck/status", JointState, SOURCES, ("mismatch_monitor", "recorder"),
+    "/truck/status", JointState, SOURCES, ("recorder",),
     "simulator step", "what can be seen inside the truck",
     ("fuel_rate", "gear", "engine_speed", "engine_torque"),
 )  # fmt: skip
 COMMAND = Topic(
     "/truck/command", JointState, ("controller", "replay"),
-    ("truck_sim", "can_bridge", "mismatch_monitor", "recorder"),
+    ("truck_sim", "can_bridge", "recorder"),
     "every radar sample; in real time at least every 50 ms",
     "the truck interface's units; engaged 1: they drive, as bridge or simulated truck said last; "
     "room and needed_gap, m: how much farther the vehicle ahead is than the shield needs, NaN: not known; "
@@ -106,20 +86,20 @@ COMMAND = Topic(
     ("engine_command", "brake_command", "engaged", "room", "needed_gap", "hold_brake"),
 )  # fmt: skip
 ENGAGED = Topic(
-    "/truck/engaged", JointState, SOURCES, ("controller", "mismatch_monitor", "recorder"),
+    "/truck/engaged", JointState, SOURCES, ("controller", "recorder"),
     "every 50 ms and on change; every sample of a simulated truck",
     "1: commands are passed on, a simulated truck obeys each; 0: the driver drives; "
     "-1: the bridge brakes, holds or fades by itself",
     ("engaged",),
 )  # fmt: skip
 ROAD = Topic(
-    "/road", JointState, SOURCES, ("controller", "mismatch_monitor", "recorder"),
+    "/road", JointState, SOURCES, ("controller", "recorder"),
     "simulator step", "grade as rise/run, elevation in m",
     ("grade", "elevation"),
 )  # fmt: skip
 RADAR_RANGE = Topic(
     "/radar/range", Range, ("leader", "replay"),
-    ("controller", "can_bridge", "mismatch_monitor", "recorder"),
+    ("controller", "can_bridge", "recorder"),
     "every /truck/twist", "range = gap, m; +inf: nothing detected",
 )  # fmt: skip
 RADAR_TWIST = Topic(
@@ -131,26 +111,9 @@ LEADER_STATE = Topic(
     "every /truck/twist", "the leader itself, without radar errors: for scoring only",
     ("true_gap", "true_leader_speed"),
 )  # fmt: skip
-MISMATCH_RESIDUAL = Topic(
-    "/mismatch/residual", AccelStamped, ("mismatch_monitor", "replay"), ("truck_sim", "recorder"),
-    "simulator step",
-    "truck minus simulator, m/s^2: accel.linear.x now, .y over 5 s, .z the simulator's uncertainty",
-)  # fmt: skip
-MISMATCH_NAMES = Topic(
-    "/mismatch/names", JointState, ("mismatch_monitor", "replay"), ("recorder",),
-    "every 30 s", "probability of each family and of each name in it, of the last minutes",
-    _probable,
-    30.0,
-)  # fmt: skip
-MISMATCH_BUDGET = Topic(
-    "/mismatch/budget", JointState, ("mismatch_monitor", "replay"), ("recorder",),
-    "every 30 s", "speed error after horizon_s, m/s, and the shares of its square by part",
-    _budget,
-    30.0,
-)  # fmt: skip
 DIAGNOSTICS = Topic(
     "/diagnostics", DiagnosticArray,
-    ("truck_sim", "can_bridge", "leader", "controller", "mismatch_monitor", "recorder", "replay"),
+    ("truck_sim", "can_bridge", "leader", "controller", "recorder", "replay"),
     ("recorder",),
     "1 Hz a node", "health, refusals, internal states",
 )  # fmt: skip
@@ -172,7 +135,7 @@ TOPICS: dict[str, Topic] = {
     topic.name: topic
     for topic in (
         TWIST, ACCEL, IMU, STATUS, COMMAND, ENGAGED, ROAD, RADAR_RANGE, RADAR_TWIST, LEADER_STATE,
-        MISMATCH_RESIDUAL, MISMATCH_NAMES, MISMATCH_BUDGET, DIAGNOSTICS, CLOCK, REPLAY_STATE, REPLAY_CONTROL,
+        DIAGNOSTICS, CLOCK, REPLAY_STATE, REPLAY_CONTROL,
     )
 }  # fmt: skip
 

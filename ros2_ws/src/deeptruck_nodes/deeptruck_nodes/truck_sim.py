@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 import time
 
-from geometry_msgs.msg import AccelStamped
 from sensor_msgs.msg import JointState
 
 from deeptruck_core.errors import InputError
@@ -16,11 +15,9 @@ from deeptruck_nodes import messages, roads
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.plant import Plant, ticks_a_step
-from deeptruck_nodes.topics import ACCEL, CLOCK, COMMAND, ENGAGED, IMU, MISMATCH_RESIDUAL, ROAD, STATUS, TWIST
+from deeptruck_nodes.topics import ACCEL, CLOCK, COMMAND, ENGAGED, IMU, ROAD, STATUS, TWIST
 
-AHEAD = 5 * SECOND  # of stamps, that a lock-step run may be ahead of its monitor
 CLOCK_SET = SECOND // 10  # a larger change of the system clock against the monotonic one was made by somebody
-MONITOR_PATIENCE_S = 300.0  # it may compare minutes of driving meanwhile
 FIRST_STAMP = 1 * SECOND  # of a lock-step run; 0 means "no time yet" to ROS
 
 
@@ -45,10 +42,7 @@ class TruckSim(DeeptruckNode):
         self._status, self._road = self.publish_on(STATUS), self.publish_on(ROAD)
         self._engaged = self.publish_on(ENGAGED)
         self._clock = self.publish_on(CLOCK) if self.lockstep else None
-        self._watched = 0  # stamp of the monitor's newest residual
-        self._waits_for_monitor = "mismatch_monitor" in self.p["peers"]
         self.listen_to(COMMAND, self._on_command)
-        self.listen_to(MISMATCH_RESIDUAL, self._on_residual)
 
     def begin(self) -> None:
         self._first_stamp = FIRST_STAMP if self.lockstep else self.now()
@@ -61,25 +55,14 @@ class TruckSim(DeeptruckNode):
     def _await_command(self) -> float:
         """Lock-step: the next step is taken when the command for this one has arrived."""
         if self._answered == self._stamp:
-            if self._monitor_is_near():
-                self._advance()
-                return 0.0 if self._answered == self._stamp else IDLE
-            return IDLE
+            self._advance()
+            return 0.0 if self._answered == self._stamp else IDLE
         patience = 20 * self.p["command_timeout_s"]
         if time.monotonic() - self._published_at > patience:
             raise InputError(
                 f"no command for the step at {self._seconds:.1f} s within {patience:g} s; ask the controller"
             )
         return IDLE
-
-    def _monitor_is_near(self) -> bool:
-        """Whether the monitor is close enough in time; a slower monitor is awaited, unless it never
-        publishes."""
-        if self._stamp - max(self._watched, self._first_stamp) <= AHEAD:
-            return True
-        if time.monotonic() - self._published_at > MONITOR_PATIENCE_S:
-            self._waits_for_monitor = False
-        return not self._waits_for_monitor
 
     def _keep_time(self) -> float:
         due = self._started + (self._tick + 1) * self._period / SECOND
@@ -139,9 +122,6 @@ class TruckSim(DeeptruckNode):
         worst = {} if self.lockstep else {"worst_lateness_s": self._latest_by}
         values = {"time_s": self._seconds, "distance_m": self._plant.distance, **worst}
         self.diagnose(stamp, level, says, values)
-
-    def _on_residual(self, message: AccelStamped) -> None:
-        self._watched = messages.nanoseconds(message.header.stamp)
 
     def _on_command(self, message: JointState) -> None:
         values = messages.read_scalars(message)

@@ -134,19 +134,18 @@ def prepare_drives(
     held_out: Sequence[Recording],
     rules: Rules,
     *,
-    sets_aside: bool = True,
     without: Sequence[Span] = (),
     mass_kg: float | None = None,
 ) -> PreparedDrives:
-    """Check and align the recordings; if none is held out, some are set aside, unless all are to be fitted.
-    Rows in `without` do not count; a `mass_kg` counts as recorded. Raises InputError if recordings do not
-    belong to the simulator."""
+    """Check and align the recordings; if none is held out, some are set aside. Rows in
+    `without` do not count; a `mass_kg` counts as recorded. Raises InputError if recordings do not belong to
+    the simulator."""
     everything = [*recordings, *held_out]
     gears.check(simulator, everything)
     mass_known = mass_kg is not None or "mass" in simulator.parameters()
     missing = inputs(everything, mass_known=mass_known)
     doubts = sensors.of_inputs(everything, ("speed", *simulator.interface.u, *simulator.interface.w))
-    split = _split(simulator, recordings, held_out, sets_aside=sets_aside)
+    split = _split(simulator, recordings, held_out)
     cleaned, rejected = clean(split.recordings)
     to_fit = [not out for out in split.held_out]
     faults, sound = _sensors(simulator, cleaned, to_fit, rejected, rules)
@@ -179,9 +178,7 @@ class _Split:
     remarks: tuple[str, ...]
 
 
-def _split(
-    simulator: Simulator, recordings: Sequence[Recording], held_out: Sequence[Recording], *, sets_aside: bool
-) -> _Split:
+def _split(simulator: Simulator, recordings: Sequence[Recording], held_out: Sequence[Recording]) -> _Split:
     """The recordings with all inputs of the simulator, each once, to fit or held out."""
     (given, lacking), (judging, of_judging) = (
         with_inputs(simulator, with_felt_slope(simulator, some)) for some in (recordings, held_out)
@@ -189,9 +186,7 @@ def _split(
     same_signals(simulator, [*given, *judging])
     to_fit, to_hold_out, twice = each_once(given, judging)
     refuse_shared(to_fit)
-    drives, flags, remarks = to_fit, [False] * len(to_fit), list[str]()
-    if to_hold_out or sets_aside:
-        drives, flags, remarks = with_held_out(to_fit, to_hold_out, simulator.dt)
+    drives, flags, remarks = with_held_out(to_fit, to_hold_out, simulator.dt)
     return _Split(drives, tuple(flags), (*lacking, *of_judging, *twice, *remarks))
 
 

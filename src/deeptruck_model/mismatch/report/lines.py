@@ -251,8 +251,8 @@ def _next_step(v: Verdict) -> str:
         return v.findings[0].separating_manoeuvre
     if v.findings[0].in_log:
         return FELT_STEP
-    if v.findings[0].may_differ:
-        return "adapt the simulator to each drive by 'deeptruck-model adapt'"
+    if v.findings[0].mass_by_drive:
+        return "set the mass of each drive"
     if v.findings[0].alternatives:
         return f"to distinguish them, {v.findings[0].separating_manoeuvre}"
     return "see what to do"
@@ -439,12 +439,10 @@ def what_to_do(v: Verdict) -> Iterator[str]:
                 yield f"Check before you record more whether {f.says} ({percent(f.probability)})."
         elif f.kind is Kind.PARAMETER and not v.validated:
             yield _check(v, f)
-        elif f.may_differ and not v.validated:
-            yield (
-                f"{opened(spoken(f.effect))} may differ from drive to drive: if so, set the simulator's "
-                "parameters for each, or estimate what a drive has of its own from its first minutes by "
-                "'deeptruck-model adapt'."
-            )
+        elif f.mass_by_drive and not v.validated:
+            masses = ", ".join(f'"{drive}": {mass:.0f}' for drive, mass in f.mass_by_drive.items())
+            given = "Set" if f.stated == f.effect else f"If it is {spoken(f.effect)}, set"
+            yield f"{given} the simulator's mass for each drive, kg: {{{masses}}}."
     if v.data.doubts:
         yield f"{opened(SETTLE)} and compare again; apply nothing before."
         return

@@ -87,6 +87,8 @@ def _of_named(
     term = next((t for t in terms if t.mechanism.effect == name), None)
     sizes = sizes_of(term, c.posterior, named.given) if term is not None else {}
     sizes = sizes if added is None else {n: x.times(added.factor) for n, x in sizes.items()}
+    mass = c.parameters.get("mass")
+    loads = {x.drive: x.value for x in sizes.values() if x.drive and x.unit == "kg"}
     return replace(
         f,
         in_log=felt,
@@ -95,6 +97,7 @@ def _of_named(
         parameters=sizes,
         depends_on=m.depends_on,
         separating_manoeuvre=m.manoeuvre,
+        mass_by_drive={d: mass + x for d, x in loads.items()} if mass is not None else {},
     )
 
 

@@ -163,6 +163,8 @@ class Finding:
     share_ci90: Interval | None = field(
         default=None, metadata=stored(key="share_of_error_ci90", digits=4, sparse=True)
     )
+    # the simulator's mass to set for each drive, kg, where that is what differs between drives
+    mass_by_drive: Mapping[str, float] = field(default_factory=dict, metadata=stored(figures=5, sparse=True))
     force: Array | None = field(default=None, compare=False, metadata=HIDDEN)
 
     @property
@@ -174,11 +176,6 @@ class Finding:
     def rivals(self) -> tuple[str, ...]:
         """The other names of its credible set."""
         return tuple(name for name in self.credible_set if name != self.effect)
-
-    @property
-    def may_differ(self) -> bool:
-        """Whether it may differ from drive to drive, so that a correction of all drives does not hold it."""
-        return "recording" in self.depends_on or bool(self.in_drives)
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ def gathered(*masses: float) -> tuple[PreparedDrives, Evidence]:
         truck = TRUCK.with_parameters({"mass": mass * MASS})
         drive = driving_cycles.drive(truck, seconds=180.0, seed=k)
         recordings.append(replace(sensed(drive, k), name="abc"[k]))
-    drives = prepare_drives(TRUCK, recordings, [], Rules(), sets_aside=False)
+    drives = prepare_drives(TRUCK, recordings, [], Rules())
     return drives, gather(TRUCK, drives.prepared, drives.held_out)
 
 
@@ -76,7 +76,7 @@ def test_a_parameter_that_is_not_free_stays_where_it_is() -> None:
 def test_what_compensated_a_late_brake_is_undone_once_that_has_a_name() -> None:
     """Beside a lag the draws have the given parameters in the mean, wherever they were linearised; then the
     simulator is driven as given, and with the lag itself."""
-    drives = prepare_drives(TRUCK, small_drives(LATE, 3), [], Rules(), sets_aside=False)
+    drives = prepare_drives(TRUCK, small_drives(LATE, 4), [], Rules())
     given = gather(TRUCK, drives.prepared, drives.held_out)
     weaker = _About(TRUCK, drives, given, 0, lambda step: None).at({"brake_gain": -0.1})
     p = posterior(Regression(weaker.to_fit()), sweeps=30)

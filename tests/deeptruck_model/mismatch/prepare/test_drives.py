@@ -159,7 +159,7 @@ def test_how_often_the_wrong_sensor_is_found() -> None:
 def left_of(e: Evidence) -> tuple[PreparedDrives, Evidence]:
     """What is left to compare along one drive whose brake was not recorded."""
     brake = NotRecorded("brake", "hides", "signal")
-    whole = prepare_drives(TRUCK, drives(TRUCK, 1), [], Rules(), sets_aside=False)
+    whole = prepare_drives(TRUCK, drives(TRUCK, 1), [], Rules())
     return left_to_compare(replace(whole, missing=(brake,)), e)
 
 

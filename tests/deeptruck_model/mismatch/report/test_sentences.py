@@ -128,10 +128,14 @@ def test_a_parameter_that_hardly_matters_is_said_with_what_it_makes_at_high_spee
     ]
 
 
-def test_what_differs_from_drive_to_drive_is_to_be_adapted_to_each() -> None:
-    assert any("deeptruck-model adapt" in line for line in lines.what_to_do(driven(-0.4, 0.1)))
-    steady = replace(PAYLOAD, depends_on=("speed",))
-    assert not any("adapt" in line for line in lines.what_to_do(Verdict(Conclusion.PHYSICS, (steady,))))
+def test_a_load_of_each_drive_is_advised_as_the_mass_to_set() -> None:
+    loads = replace(PAYLOAD, mass_by_drive={"monday": 24310.4, "tuesday": 19800.0})
+    v = Verdict(Conclusion.PHYSICS, (loads,))
+    assert lines.headline(v).endswith(": set the mass of each drive")
+    (says,) = lines.what_to_do(v)
+    assert says == 'Set the simulator\'s mass for each drive, kg: {"monday": 24310, "tuesday": 19800}.'
+    (says,) = lines.what_to_do(replace(v, findings=(replace(loads, stated="load"),)))
+    assert says.startswith("If it is payload change, set the simulator's mass for each drive")
 
 
 def test_a_fault_is_said_as_what_is_wrong_and_is_to_be_repaired() -> None:
@@ -274,10 +278,11 @@ def test_sizes_that_differ_between_a_few_drives_are_in_the_first_line() -> None:
     sizes = {
         f"change[{d}]": Size(x, "kg", (x - 300.0, x + 300.0), d) for d, x in (("a", -10864.4), ("c", 9759.7))
     }
-    v = Verdict(Conclusion.PHYSICS, (replace(PAYLOAD, parameters=sizes, share_of_error=0.99),))
+    loads = replace(PAYLOAD, parameters=sizes, share_of_error=0.99, mass_by_drive={"a": 9135.6, "c": 29759.7})
+    v = Verdict(Conclusion.PHYSICS, (loads,))
     assert lines.headline(v) == (
         "Payload change is missing (a -10,864 kg, c +9,760 kg), 99 % of the squared error: "
-        "adapt the simulator to each drive by 'deeptruck-model adapt'"
+        "set the mass of each drive"
     )
     ratios = {name: replace(size, unit="1") for name, size in sizes.items()}
     assert "(a" not in lines.headline(replace(v, findings=(replace(PAYLOAD, parameters=ratios),)))

@@ -68,7 +68,7 @@ def with_channels(r: Recording, seed: int) -> Recording:
 
 def test_the_channel_that_follows_a_slow_force_is_its_witness() -> None:
     fit = [with_channels(r, k) for k, r in enumerate(drives(TRUCK.with_forces([Swell()], []), 3, 270.0))]
-    c = compared(TRUCK, fit, sets_aside=False)
+    c = compared(TRUCK, fit)
     assert isinstance(c, Compared)
     assert c.budget.share(SLOW) > 0.3
     seen = [w for w in witnesses(c.regression, c.drives.prepared, c.budget) if w.part == SLOW]
