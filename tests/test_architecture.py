@@ -200,7 +200,7 @@ def test_the_command_prove_is_the_only_way_from_the_model_to_the_exam() -> None:
 MODEL = (  # the rooms of docs/architecture.md: a row imports from itself and the rows above
     ("simulators",),
     ("trucks", "recordings"),
-    ("deep", "fmu", "compare", "mismatch"),
+    ("deep", "fmu", "mismatch"),
     ("fleet",),
     ("cli",),
 )

@@ -141,14 +141,16 @@ def test_wrong_and_half_arguments_are_refused(
 @pytest.mark.parametrize(
     ("program", "name", "to"),
     [
-        ("deeptruck-model", "experiment", "benchmarks/paper/run.py"),
+        ("deeptruck-model", "adapt", "'mismatch' on the bag of the drive"),
+        ("deeptruck-model", "compare", "'Where it is off' in the report of 'mismatch'"),
+        ("deeptruck-model", "experiment", "python benchmarks/paper/run.py"),
     ],
 )
 def test_a_command_that_moved_names_its_new_place_whatever_it_is_given(
     program: str, name: str, to: str, more: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     says = refused(program, [name, *more], capsys)
-    assert f"{program}: '{name}' moved to python {to}" in says and says.count("\n") == 1
+    assert f"{program}: '{name}' moved to {to}" in says and says.count("\n") == 1
 
 
 def test_help_shows_values_in_capitals_or_as_choices(capsys: pytest.CaptureFixture[str]) -> None:

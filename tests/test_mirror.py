@@ -25,7 +25,6 @@ deeptruck_core: schema | test_schemas.py
 deeptruck_model.checks: bags compatibility simulators | deeptruck_model/test_checks.py
 deeptruck_model.cli: inputs | deeptruck_model/cli/test_topics.py
 deeptruck_model.cli: fleet | deeptruck_model/fleet/test_compare.py
-deeptruck_model.compare: naming | deeptruck_model/compare/test_comparison.py
 deeptruck_model.deep: card preparation | deeptruck_model/deep/test_training.py
 deeptruck_model.deep.kernels: inference layers | deeptruck_model/deep/test_truck.py
 deeptruck_model.fmu: description variables | deeptruck_model/fmu/test_foreign.py
@@ -36,7 +35,7 @@ deeptruck_model.mismatch.mechanisms: brakes commands | deeptruck_model/mismatch/
 deeptruck_model.mismatch.mechanisms: driveline engine | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
 deeptruck_model.mismatch.mechanisms: engine_drag load | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
 deeptruck_model.mismatch.mechanisms: air_tyres_road | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
-deeptruck_core.pages: document style | deeptruck_model/compare/test_comparison.py
+deeptruck_core.pages: document style | deeptruck_cacc/evaluation/test_evaluation.py
 deeptruck_model.recordings: bag_file bag_storage | deeptruck_model/recordings/test_bad_bags.py
 deeptruck_model.recordings: mcap_chunks message_definitions | deeptruck_model/recordings/test_bad_bags.py
 deeptruck_model.recordings: interpolate | deeptruck_model/recordings/test_resample.py

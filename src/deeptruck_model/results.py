@@ -14,7 +14,6 @@ CALIBRATED = Result("a calibrated deep truck")
 PHYSICS_TRUCK = Result("a physics truck")
 SWEEP = Result("a sweep")
 EVALUATION = Result("an evaluation")
-COMPARISON = Result("a comparison")
 COVERAGE = Result("a coverage")
 BAG = Result("an imported bag")
 WRITTEN_BAG = Result("a written bag")  # by a program that calls `write_bag`

@@ -49,9 +49,9 @@ def spread(arguments: list[str]) -> list[str]:
 @functools.cache
 def whole() -> typer.Typer:
     """`app` with all commands, registered only once per process."""
-    from deeptruck_model.cli import comparing, data, deep, fleet, mismatch, new, simulators
+    from deeptruck_model.cli import data, deep, fleet, mismatch, new, simulators
 
-    for module in (data, comparing, deep, simulators, new, mismatch, fleet):
+    for module in (data, deep, simulators, new, mismatch, fleet):
         module.register(app)
     return app
 

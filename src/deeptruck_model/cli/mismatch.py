@@ -317,6 +317,9 @@ def register(app: typer.Typer) -> None:
     console.moved(
         app, "adapt", "'mismatch' on the bag of the drive: the report gives the mass to set for each drive"
     )
+    console.moved(
+        app, "compare", "'Where it is off' in the report of 'mismatch'; for bags PlotJuggler or Foxglove"
+    )
 
 
 __all__ = ["InputError", "register"]

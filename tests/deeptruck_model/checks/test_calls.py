@@ -13,7 +13,6 @@ import pytest
 
 from deeptruck_core.errors import InputError
 from deeptruck_model import evaluate, find_mismatch, load, mismatch, read, recordings, train, trucks
-from deeptruck_model.compare import compare
 from deeptruck_model.mismatch import Span
 from deeptruck_model.mismatch.find import called
 from deeptruck_model.mismatch.rules import Rules
@@ -97,8 +96,6 @@ WRONG: dict[str, tuple[Call, str]] = {
     "split": (lambda r: recordings.split(r, 3.0), "split fractions must be"),
     "coverage": (lambda r: recordings.coverage(3), "recordings must be"),
     "read_all": (lambda r: recordings.read_all("one"), "bags must be a list"),
-    "compare: text": (lambda r: compare("one"), "two sides or more"),
-    "compare: one": (lambda r: compare(["one"]), "two sides or more"),
 }
 
 

@@ -10,7 +10,6 @@ import pytest
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
-from deeptruck_model.cli.comparing import _a_drive
 from deeptruck_model.cli.simulators import _stated_mass
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.several import check_paths_apart
@@ -22,13 +21,6 @@ def test_a_drive_is_fitted_or_held_out(tmp_path: Path, monkeypatch: pytest.Monke
     with pytest.raises(InputError, match=r"a: among the recordings and held out; hold out drives"):
         check_paths_apart(["a", "b"], [tmp_path / "a"])
     check_paths_apart([Path("a")], [Path("b")])
-
-
-def test_a_simulator_without_a_drive_is_said_how_to_write() -> None:
-    with pytest.raises(InputError, match="write truck:trucksim@fade0"):
-        _a_drive("truck:trucksim", ["fade0", "truck:trucksim"])
-    _a_drive("truck:trucksim@fade0", ["fade0", "truck:trucksim@fade0"])
-    _a_drive("fade0", ["fade0", "truck:trucksim@fade0"])
 
 
 @pytest.mark.parametrize(("stated_kg", "said"), [(24000.0, True), (18500.0, False), (None, False)])
