@@ -13,10 +13,6 @@ IN_PERCENT = (
     f", by 'brake_command: {{column: ..., unit: percent, scale: {100 / FULL_BRAKING_BAR:g}}}' in COLUMNS "
     f"where the column is in bar and {FULL_BRAKING_BAR:g} bar brakes fully"
 )
-BY_SWITCH = (
-    ", or write 'brake_command: {derive: deceleration, gate: brake_switch}' in COLUMNS where only the "
-    "brake's switch is recorded"
-)
 BY_GEARBOX = "; without '?gear=recorded' behind its name a truck chooses its own gear"
 
 
@@ -72,5 +68,4 @@ def misfits(taken: Taken, given: Given) -> list[str]:
 
 def how_without(lacking: Collection[str]) -> str:
     """How to do without channels that were not recorded, behind a sentence that names them; may be empty."""
-    by_switch = BY_SWITCH if "brake_command" in lacking else ""
-    return by_switch + (BY_GEARBOX if "gear" in lacking else "")
+    return BY_GEARBOX if "gear" in lacking else ""

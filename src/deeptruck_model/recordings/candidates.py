@@ -177,9 +177,6 @@ class Proposal:
                 unit = known_units(channel)[0]
                 yield from (f"# {line}" for line in self.by_unit(channel))
                 yield f"# {channel}: {{{self.BLANK}, unit: {unit}}}"
-                if channel == "brake_command" and self.taken("brake_switch"):
-                    yield "# The deceleration while the brake switch is on may stand in:"
-                    yield f"# {channel}: {{derive: deceleration, gate: brake_switch}}"
                 if channel == "engine_command" and (fuel := self.taken("fuel_rate")):
                     yield "# The fuel rate may stand in where no torque was recorded:"
                     yield f"# {replace(fuel, channel=channel).line}"

@@ -17,7 +17,6 @@ from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 from deeptruck_model.checks import Clock, calls
-from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.bag_source import EXTRA_KEY, INTERFACE_KEY, NOTES_KEY, BagSource
 from deeptruck_model.recordings.clocks import REORDER_NS, Clocks, Part, Queue
 from deeptruck_model.recordings.interpolate import Series
@@ -124,12 +123,7 @@ def _read(
         interface = _interface(name, stored, sources, resampler.measured)
     # bags of ours that a table was imported into before 'specific_force' may call it acceleration
     ours = not asked and not any(note.startswith(TABLE_NOTE) for note in notes)
-    recordings = [
-        replace(recording, obeyed=obedience.known)
-        for recording in resampler.finish(interface, notes, ours=ours)
-    ]
-    gated = any(source.gates for source in sources.values())
-    return [gated_brake.substituted(recording) for recording in recordings] if gated else recordings
+    return [replace(r, obeyed=obedience.known) for r in resampler.finish(interface, notes, ours=ours)]
 
 
 def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> None:

@@ -19,7 +19,6 @@ from deeptruck_core.formats import Kind, kind_of, suffix_of
 from deeptruck_core.imports.entry_points import registered
 from deeptruck_core.signals import CHANNELS, SLOPE_FROM, TruckInterface, check_slope_source
 from deeptruck_model.checks import Clock, calls
-from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.bag_writer import write_bag
 from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.extract import read
@@ -162,8 +161,7 @@ def _of_table(path: Path, meaning: Columns) -> list[Recording]:
     for start, end in account.spans:
         inside |= (samples.time >= start - recordings[0].dt) & (samples.time <= end + recordings[0].dt)
     samples.table.without(~inside, "outside the pieces, where speed is missing or has a single sample")
-    gated = any(column.gates for column in meaning.channels.values())
-    return [gated_brake.substituted(r) for r in recordings] if gated else recordings
+    return recordings
 
 
 def _noted(recordings: list[Recording]) -> list[Recording]:
@@ -200,23 +198,12 @@ def _with_slope(
 
 
 def _of_can_log(log: Path, meaning: dict[str, Any]) -> list[Recording]:
-    gated = gated_brake.is_asked(meaning.get("channels"), implied=(gated_brake.SWITCH,))
-    if gated:
-        others = {c: entry for c, entry in meaning["channels"].items() if c != gated_brake.COMMAND}
-        meaning = {**meaning, "channels": others}
     try:
         channels, interface_data = _can_importer()(log, meaning)
     except ValueError as error:  # the other package's own error of one line
         raise InputError(str(error)) from None
     notes = [str(note) for note in interface_data.pop("notes", [])]
     account = interface_data.pop("account", None)
-    if gated:
-        if gated_brake.SWITCH not in channels:
-            raise InputError(
-                f"{log} holds no {gated_brake.SWITCH}, by which a brake command could be derived"
-            )
-        channels = {**channels, gated_brake.COMMAND: channels[gated_brake.SWITCH]}
-        interface_data["brake_unit"] = gated_brake.UNIT
     interface = TruckInterface.from_dict(interface_data)
     unknown = sorted(set(channels) - set(CHANNELS))
     if unknown:
@@ -224,8 +211,7 @@ def _of_can_log(log: Path, meaning: dict[str, Any]) -> list[Recording]:
     first = min((float(time[0]) for time, _ in channels.values() if len(time)), default=0.0)
     series = {c: Series(np.asarray(t, float) - first, np.asarray(v, float)) for c, (t, v) in channels.items()}
     name = str(meaning.get("name", log.stem))
-    recordings = uniform(series, name=name, interface=interface, notes=notes, account=account)
-    return [gated_brake.substituted(r) for r in recordings] if gated else recordings
+    return uniform(series, name=name, interface=interface, notes=notes, account=account)
 
 
 def _of_what_is_there(recordings: list[Recording]) -> list[Recording]:

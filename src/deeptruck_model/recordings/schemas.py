@@ -12,7 +12,6 @@ import re
 from deeptruck_core.schema import DRAFT, NAME, TEXT, Schema, keys, mapping, means, number
 from deeptruck_core.signals import CHANNELS, PERSON, SLOPE_FROM, SLOPE_SOURCES
 from deeptruck_core.vehicle_kinds import UNSTATED, VEHICLE_KINDS
-from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.units import TIME_UNITS, canonical_units, known_units
 
 LARGEST = 1e12  # of a factor, an offset or a time
@@ -145,8 +144,6 @@ def _channels(source: Schema, more: Schema, example: str, *, units: bool) -> Sch
         cure = f"it needs {' and '.join(needed)}, as in {example}"
         says = f"{of_it.meaning}, {' or '.join(canonical_units(channel))}"
         entries[channel] = means(says, keys(needed, mine, cure))
-    derived = {key: {"const": value} for key, value in gated_brake.ENTRY.items()}
-    entries[gated_brake.COMMAND] = {"anyOf": [entries[gated_brake.COMMAND], keys(derived)]}
     speed, others = {"speed": entries.pop("speed")}, f"other names go under '{EXTRA}'"
     return keys(speed, entries, f"a recording needs at least 'speed: {example}'; {others}")
 

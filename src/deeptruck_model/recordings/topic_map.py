@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from deeptruck_core import reading
 from deeptruck_core.arrays import Array
 from deeptruck_core.schema import check
 from deeptruck_core.signals import CHANNELS, FAULTS, SLOPE_FROM
-from deeptruck_model.recordings import gated_brake, schemas
+from deeptruck_model.recordings import schemas
 from deeptruck_model.recordings.schemas import DRIVEN_BY, EXTRA, PARTS
 from deeptruck_model.recordings.units import Conversion, conversion
 
@@ -27,7 +27,6 @@ class Taken:
     offset: float = 0.0
     across: str = ""  # another field or column: the channel is the norm of both
     part: str = ""  # one of PARTS: what lies above or below zero, of a pedal that drives and brakes
-    gates: bool = False  # a brake switch in the place of the brake command, see gated_brake
 
     @property
     def unit(self) -> str:
@@ -40,7 +39,6 @@ class Taken:
             values = self.scale * values + self.offset
         if self.part:
             values = np.where(np.isnan(values), np.nan, np.maximum(PARTS[self.part] * values, 0.0))
-        values = gated_brake.on(values) if self.gates else values
         return values if self.convert is None else self.convert(values)
 
 
@@ -75,7 +73,7 @@ EXTRA_TOPIC = "/extra"
 
 def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
     """Sources by channel from a mapping, or from a YAML file of `channel: {topic, field, unit, scale,
-    offset}`, or `brake_command: {derive: deceleration, gate: brake_switch}`.
+    offset}`.
 
     Channels left out are not read. Raises InputError for unknown channels, keys or units.
     """
@@ -83,26 +81,17 @@ def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
         data = load_yaml(Path(topic_map))
         with reading.of(topic_map):
             return load(data)
-    gated = gated_brake.is_asked(topic_map)
     check(topic_map, schemas.topics(), "topic map")
     named = {key: entry for key, entry in topic_map.items() if key not in (DRIVEN_BY, SLOPE_FROM, EXTRA)}
-    return sources(named, topic_map.get(EXTRA, {}), "field", gated=gated)
+    return sources(named, topic_map.get(EXTRA, {}), "field")
 
 
-def sources(
-    named: Mapping[str, Any], extra: Mapping[str, Any], key: str, *, gated: bool
-) -> dict[str, Source]:
-    """The sources of entries that fit their schema, in which the field or column is under `key`. `gated`: the
-    brake command is derived where the brake switch is on."""
-    found = {
+def sources(named: Mapping[str, Any], extra: Mapping[str, Any], key: str) -> dict[str, Source]:
+    """The sources of entries that fit their schema, in which the field or column is under `key`."""
+    return {
         channel: _source(channel, entry if isinstance(entry, Mapping) else {key: entry}, key)
         for channel, entry in {**named, **extra}.items()
-        if not (gated and channel == gated_brake.COMMAND)
     }
-    if gated:
-        unit = conversion(gated_brake.COMMAND, gated_brake.UNIT)
-        found[gated_brake.COMMAND] = replace(found[gated_brake.SWITCH], convert=unit, gates=True)
-    return found
 
 
 def _source(channel: str, entry: Mapping[str, Any], key: str) -> Source:

@@ -15,7 +15,7 @@ from deeptruck_core import reading
 from deeptruck_core.errors import InputError
 from deeptruck_core.schema import check
 from deeptruck_core.vehicle_kinds import check_vehicle
-from deeptruck_model.recordings import gated_brake, schemas
+from deeptruck_model.recordings import schemas
 from deeptruck_model.recordings.schemas import DATE_UNITS, EXTRA, SPLITS
 from deeptruck_model.recordings.tables.csv_text import Format
 from deeptruck_model.recordings.topic_map import Source, load_yaml, sources
@@ -57,10 +57,9 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
         data = load_yaml(Path(columns))
         with reading.of(columns):
             return load_columns(data)
-    gated = gated_brake.is_asked(columns.get("channels"))
     check(columns, schemas.columns(), "COLUMNS")
     check_vehicle(columns.get("vehicle"), columns.get("mass_kg"))
-    found = sources(columns["channels"], columns.get(EXTRA, {}), "column", gated=gated)
+    found = sources(columns["channels"], columns.get(EXTRA, {}), "column")
     pivot = columns.get("pivot")
     return Columns(
         channels=found,
