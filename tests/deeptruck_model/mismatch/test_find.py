@@ -12,7 +12,7 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from small_drives import TRUCK, drives
+from small_drives import TRUCK, drives, sensed
 
 from deeptruck_core.errors import InputError
 from deeptruck_model import mismatch, trucks
@@ -68,6 +68,18 @@ def test_a_wrong_mass_is_a_parameter_error_of_the_right_size() -> None:
     assert mass["unit"] == "kg" and mass["value"] == pytest.approx(1.2 * MASS, rel=0.03)
     assert mass["ci95"][0] < mass["value"] < mass["ci95"][1] and np.diff(mass["ci95"]) < 0.1 * MASS
     assert said["fit"]["validated"] and said["fit"]["improvement_ci95"][0] > 0.5
+
+
+@pytest.mark.long
+def test_loads_that_differ_between_drives_are_given_as_masses_to_set() -> None:
+    recorded = []
+    for k, share in enumerate((0.8, 1.0, 1.3, 1.15)):
+        drive = driving_cycles.drive(TRUCK.with_parameters({"mass": share * MASS}), seconds=180.0, seed=k)
+        recorded.append(replace(sensed(drive, k), name="abcd"[k]))
+    first = run(recorded[:-1], recorded[-1:])["findings"][0]
+    assert first["effect"] == "payload_change"
+    masses = {"a": 0.8 * MASS, "b": MASS, "c": 1.3 * MASS}
+    assert first["mass_by_drive"] == pytest.approx(masses, rel=0.03)
 
 
 @pytest.mark.long
