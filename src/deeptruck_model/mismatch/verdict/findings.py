@@ -40,19 +40,17 @@ FAULT = 0.99  # probability that is reported of a fault, `sensor_sd` off: its de
 
 
 def findings(
-    c: Compared, correction: Correction | None, road: Named | None, error: float, tolerance: float
+    c: Compared, correction: Correction, road: Named | None, error: float, tolerance: float
 ) -> tuple[Finding, ...]:
     """The findings: sensor faults, the road, every accepted name, differences between drives, and slow or
-    position-dependent forces if the simulator's error exceeds `tolerance`, m/s. Sizes are absent if no
-    correction was correction."""
+    position-dependent forces if the simulator's error exceeds `tolerance`, m/s."""
     e, rules = c.fitted, c.regression.rules
     behind = names_behind([p.recording for p in c.drives.prepared], c.drives.missing)
     out = [of_fault(f) for f in c.drives.faults]
     of_road = _of_road(c, road, rules)
     out += of_road
     road_names = {f.effect for f in of_road}  # whole, where the residual of a learned truck has a rest of it
-    needless = correction.needless if correction is not None else frozenset()
-    needed = [named for named in c.names.found if named.name not in needless]
+    needed = [named for named in c.names.found if named.name not in correction.needless]
     if error > tolerance:  # no fit to other drives helps, but something is missing
         needed = needed or list(c.names.found[:1])
     for named in needed:
@@ -69,9 +67,7 @@ def findings(
     return tuple(sorted(shown, key=lambda f: (f.stated == ROOT, -f.share_of_explainable_error)))
 
 
-def _of_named(
-    c: Compared, e: Evidence, correction: Correction | None, named: Named, rules: Rules
-) -> Finding | None:
+def _of_named(c: Compared, e: Evidence, correction: Correction, named: Named, rules: Rules) -> Finding | None:
     name = named.name
     if c.posterior.is_parameter(name):
         return _of_parameter(c, named, correction, rules)
@@ -81,10 +77,9 @@ def _of_named(
     m = LIBRARY[name]
     felt = m.of_input == "grade" and e.has(FELT)
     says = wording.FELT_SLOPE if felt else m.says
-    added = correction.forces.get(name) if correction is not None else None
+    added = correction.forces.get(name)
     f = _finding(c, named, Kind(m.kind), says, named.force if added is None else added.force)
-    terms = correction.terms if correction is not None else ()
-    term = next((t for t in terms if t.mechanism.effect == name), None)
+    term = next((t for t in correction.terms if t.mechanism.effect == name), None)
     sizes = sizes_of(term, c.posterior, named.given) if term is not None else {}
     sizes = sizes if added is None else {n: x.times(added.factor) for n, x in sizes.items()}
     mass = c.parameters.get("mass")
@@ -101,14 +96,12 @@ def _of_named(
     )
 
 
-def _alternatives(
-    c: Compared, correction: Correction | None, f: Finding, named: Named
-) -> Iterator[Alternative]:
+def _alternatives(c: Compared, correction: Correction, f: Finding, named: Named) -> Iterator[Alternative]:
     """The names of a finding's credible set, with the size that each would need; none if one is stated."""
-    p, terms = c.posterior, correction.terms if correction is not None else ()
+    p = c.posterior
     for name in f.credible_set if f.stated != f.effect and f.rivals else ():
         probability, given = named.tree.names[name], p.inside(name)
-        term = next((t for t in terms if t.mechanism.effect == name), None)
+        term = next((t for t in correction.terms if t.mechanism.effect == name), None)
         if p.is_parameter(name):
             yield Alternative(name, probability, Size(p.change(name, given)[0], "1"))
         elif term is None:
@@ -199,7 +192,7 @@ def _constants(c: Compared) -> tuple[Array, dict[str, Size]]:
     return force, sizes
 
 
-def _of_parameter(c: Compared, named: Named, correction: Correction | None, rules: Rules) -> Finding | None:
+def _of_parameter(c: Compared, named: Named, correction: Correction, rules: Rules) -> Finding | None:
     """A parameter error as the correction has it, with the wider interval of this and of the draws; None if
     it is no larger than any simulator's tolerance."""
     name, regression = named.name, c.regression
@@ -207,7 +200,7 @@ def _of_parameter(c: Compared, named: Named, correction: Correction | None, rule
     if abs(change) - sd < rules.nearly_right:
         return None
     wide = Z95 * sd
-    if correction is not None and (fitted := correction.changed.get(name)) is not None:
+    if (fitted := correction.changed.get(name)) is not None:
         change, wide = fitted.change, max(wide, fitted.change_ci95[1] - fitted.change)
     low, high = regression.e.vehicle.possible(name)
     ci95 = (max(change - wide, low), min(change + wide, high))

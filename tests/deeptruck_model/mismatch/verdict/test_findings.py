@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -12,6 +11,7 @@ import pytest
 from scipy.signal import lfilter
 from small_drives import FORCES, N, evidence, posterior_of, regression
 
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.correction.forms import simplest_terms
 from deeptruck_model.mismatch.correction.model import Correction
 from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, PLACE, SLOW, UNKNOWN
@@ -27,6 +27,7 @@ from deeptruck_model.mismatch.verdict.findings import _alternatives, _finding, f
 from deeptruck_model.mismatch.verdict.result import Conclusion, Finding, Kind, Verdict
 
 RULES = Rules()
+NOTHING = Correction(cast("CorrectedTruck", None), cast("CorrectedTruck", None))
 ROAD = np.tile(0.08 * np.sin(np.arange(N // 3) / 90.0) * np.sin(np.arange(N // 3) / 230.0), 3)
 
 
@@ -49,7 +50,7 @@ def _compared(p: Posterior) -> Compared:
 
 
 def found(part: str, error: float = 1.0) -> tuple[Finding, ...]:
-    return findings(compared(part), None, None, error, RULES.visible)
+    return findings(compared(part), NOTHING, None, error, RULES.visible)
 
 
 @pytest.mark.parametrize("part", [EACH_DRIVE, PLACE, SLOW])
@@ -79,7 +80,7 @@ def test_the_cause_of_events_stands_beside_what_lasts() -> None:
     c, force = compared(SLOW), np.zeros(N)
     force[2500:2540] = 0.5
     cause = Named("wheel_slip", Tree({"wheel_slip": 0.7}), 50.0, force)
-    both = findings(replace(c, names=replace(c.names, found=(cause,))), None, None, 1.0, RULES.visible)
+    both = findings(replace(c, names=replace(c.names, found=(cause,))), NOTHING, None, 1.0, RULES.visible)
     assert {f.effect for f in both} == {UNKNOWN, "wheel_slip"}
     (own,) = (f for f in both if f.effect == "wheel_slip")
     assert own.in_drives == ("b",)
@@ -92,9 +93,10 @@ def test_a_first_name_that_no_other_drive_needs_is_named_only_where_something_is
 ) -> None:
     c = compared(SLOW)
     slip = Named("wheel_slip", Tree({"wheel_slip": 0.95}), 50.0, 0.1 * FORCES[SLOW])
-    nothing = SimpleNamespace(needless=frozenset(["wheel_slip"]), forces={}, terms=(), changed={})
     own = replace(c, names=replace(c.names, found=(slip,)))
-    all_of_it = findings(own, cast("Correction", nothing), None, error, RULES.visible)
+    all_of_it = findings(
+        own, replace(NOTHING, needless=frozenset(["wheel_slip"])), None, error, RULES.visible
+    )
     assert ("wheel_slip" in {f.effect for f in all_of_it}) is is_named
 
 
@@ -103,7 +105,7 @@ def test_a_road_that_was_recovered_is_the_one_finding_of_its_name() -> None:
     c, whole = compared(SLOW), 3.0 * FORCES[SLOW]
     rest = Named("road_grade", Tree({"road_grade": 1.0}), 50.0, 0.1 * whole)
     road = Named("road_grade", Tree({"road_grade": 0.95, UNKNOWN: 0.05}), 500.0, whole)
-    both = findings(replace(c, names=replace(c.names, found=(rest,))), None, road, 1.0, RULES.visible)
+    both = findings(replace(c, names=replace(c.names, found=(rest,))), NOTHING, road, 1.0, RULES.visible)
     (one,) = (f for f in both if f.effect == "road_grade")
     assert one.force is whole
 
@@ -148,7 +150,7 @@ def of_noise(persists: float, sd: float) -> Compared:
 
 def test_what_adds_up_in_no_recorded_channel_is_slow_and_never_undetermined_alone() -> None:
     c = of_noise(0.95, 0.03)
-    (f,) = findings(c, None, None, c.budget.speed_rmse, RULES.visible)
+    (f,) = findings(c, NOTHING, None, c.budget.speed_rmse, RULES.visible)
     assert (f.effect, f.says, f.separating_manoeuvre) == (
         UNKNOWN,
         wording.DRIFT[SLOW],
@@ -156,12 +158,12 @@ def test_what_adds_up_in_no_recorded_channel_is_slow_and_never_undetermined_alon
     )
     assert f.share_of_error == pytest.approx(c.budget.share(SLOW) + c.budget.persistent)
     assert f.share_of_error > 0.5
-    assert findings(c, None, None, 0.5 * RULES.visible, RULES.visible) == ()
+    assert findings(c, NOTHING, None, 0.5 * RULES.visible, RULES.visible) == ()
 
 
 def test_what_changes_within_seconds_is_said_as_such() -> None:
     c = of_noise(0.0, 0.2)
-    (f,) = findings(c, None, None, 1.0, RULES.visible)
+    (f,) = findings(c, NOTHING, None, 1.0, RULES.visible)
     assert (f.says, f.separating_manoeuvre) == (wording.DRIFT["left_over"], wording.RECORD_FAST)
     assert f.share_of_error == pytest.approx(c.budget.share("left_over") - c.budget.persistent)
     assert f.probability == round(c.posterior.nameless(), 3) >= 0.5
@@ -174,7 +176,7 @@ def test_names_that_these_drives_do_not_distinguish_have_the_size_that_each_need
     name = "rolling_resistance_speed"
     given = p.inside(name)
     terms = [t for t in simplest_terms(p, e) if t.mechanism.effect == name]
-    correction = cast("Correction", SimpleNamespace(terms=terms))
+    correction = replace(NOTHING, terms=terms)
     named = Named(name, Tree({name: 0.5, "drag_area": 0.4}), 10.0, p.force(name, given), given=given)
     f = _finding(c, named, Kind.PHYSICS, "resistance grows with speed", named.force)
     own, other = _alternatives(c, correction, f, named)
