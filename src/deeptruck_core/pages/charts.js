@@ -41,10 +41,10 @@ class Chart {
     Object.assign(this, {where, height, group, marked, moved, under, time, ink, grid});
   }
 
-  // `lines`: {xs, ys, colour, width, dash, dot}, where dots have a size, px; `x` and `y`: what is shown of the axes.
+  // `lines`: {xs, ys, colour, width, dot}, where dots have a size, px; `x` and `y`: what is shown of the axes.
   draw(lines, x, y, xLabel, yLabel) {
     const width = Math.max(this.where.clientWidth, 120), shown = lines.length ? lines : [{xs: [], ys: [], colour: GREY}];
-    const key = JSON.stringify([xLabel, yLabel, shown.map(({colour, width, dash, dot}) => [colour, width, dash, dot])]);
+    const key = JSON.stringify([xLabel, yLabel, shown.map(({colour, width, dot}) => [colour, width, dot])]);
     const data = [null, ...shown.map(({xs, ys}) => {
       if (xs.every(known)) return [xs, ys];
       let last = xs.find(known) ?? 0;  // a gap where the place is not known
@@ -68,9 +68,9 @@ class Chart {
       stroke: this.ink, font: FONT, labelFont: FONT, labelSize: 18, labelGap: 0, gap: 4, ticks: {show: false},
       grid: {stroke: this.grid, width: 1},
     };
-    const line = ({colour, width = 1.4, dash = [], dot}) => ({
+    const line = ({colour, width = 1.4, dot}) => ({
       facets: [{scale: "x", auto: false}, {scale: "y", auto: false}],
-      stroke: colour, fill: dot && colour, width, dash, paths: dot ? dots(dot) : uPlot.paths.linear(), points: {show: false},
+      stroke: colour, fill: dot && colour, width, paths: dot ? dots(dot) : uPlot.paths.linear(), points: {show: false},
     });
     const {time, marked} = this;
     return {
@@ -97,14 +97,13 @@ class Chart {
     };
   }
 
-  // Fill from one x to another, over a height in pixels from below, or over all of it.
-  span(from, to, colour, alpha, height) {
+  // Fill from one x to another, over all of the height.
+  span(from, to, colour, alpha) {
     const {ctx, bbox} = this.plot, at = v => this.plot.valToPos(v, "x", true);
     const left = Math.max(at(from), bbox.left), right = Math.min(at(to), bbox.left + bbox.width);
-    const tall = height ? height * devicePixelRatio : bbox.height;
     if (right < left) return;
     Object.assign(ctx, {fillStyle: colour, globalAlpha: alpha});
-    ctx.fillRect(left, bbox.top + bbox.height - tall, Math.max(right - left, 1.5), tall);
+    ctx.fillRect(left, bbox.top, Math.max(right - left, 1.5), bbox.height);
     ctx.globalAlpha = 1;
   }
 
