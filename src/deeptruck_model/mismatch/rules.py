@@ -145,8 +145,6 @@ class Limits:
         "below which the brakes compensate a force, so that its size is not identifiable")
     least_sensitivity: float = _rule(1e-4, "m/s^2", CHOSEN,
         "by 100 % of a parameter, below which the drives say nothing of it")
-    least_effect: float = _rule(1e-6, "m/s", CHOSEN,
-        "by 20 % of a parameter, below which a simulator does not have it")
 
     # names
     rare: float = _rule(0.02, "1", CHOSEN, "probability below which a name is left out")
@@ -163,8 +161,6 @@ class Limits:
     in_drive: float = _rule(0.15, "1", CHOSEN,
         "of a force's largest rms in a drive, above which it acts in another")
 
-    mean_wind: float = _rule(15.0, "m/s", TRUCKS,
-        "headwind of a whole drive, above which its estimate is invalid")
 
     # the correction
     drives_that_agree: int = _rule(4, "drives", STATISTICS,
