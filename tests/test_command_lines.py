@@ -144,6 +144,8 @@ def test_wrong_and_half_arguments_are_refused(
         ("deeptruck-model", "adapt", "'mismatch' on the bag of the drive"),
         ("deeptruck-model", "compare", "'Where it is off' in the report of 'mismatch'"),
         ("deeptruck-model", "experiment", "python benchmarks/paper/run.py"),
+        ("deeptruck-model", "sweep", "'deeptruck-model fleet train TRUCK --seeds N'"),
+        ("deeptruck-cacc", "sweep", "'deeptruck-cacc train --seeds N'"),
     ],
 )
 def test_a_command_that_moved_names_its_new_place_whatever_it_is_given(
@@ -195,7 +197,6 @@ REFUSED = {  # modules that must not be loaded, and what is said without them
             "deeptruck-cacc train --simulator nope --scene moon --out p",
             "deeptruck-cacc evaluate nope --simulator nope --out e",
             "deeptruck-cacc export nope --out p.onnx",
-            "deeptruck-cacc sweep --simulator nope --out s --set window=-5",
         ),
     ),
     "truck_bridge.cli": (

@@ -24,7 +24,9 @@ deeptruck_core: arrays formats frame_rows reading | readers/test_readers.py
 deeptruck_core: schema | test_schemas.py
 deeptruck_model.checks: bags compatibility simulators | deeptruck_model/test_checks.py
 deeptruck_model.cli: inputs | deeptruck_model/cli/test_topics.py
-deeptruck_model.cli: fleet | deeptruck_model/fleet/test_compare.py
+deeptruck_model.cli: fleet | deeptruck_model/fleet/test_run.py
+deeptruck_model.cli: mismatch | deeptruck_model/mismatch/test_cli.py
+deeptruck_model.fleet: page | deeptruck_model/fleet/test_run.py
 deeptruck_model.deep: card preparation | deeptruck_model/deep/test_training.py
 deeptruck_model.deep.kernels: inference layers | deeptruck_model/deep/test_truck.py
 deeptruck_model.fmu: description variables | deeptruck_model/fmu/test_foreign.py

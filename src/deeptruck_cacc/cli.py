@@ -56,13 +56,6 @@ WIDE = 130  # columns: narrower, rich cuts the numbers off
 LARGEST_SEED = 2**31 - 1
 
 
-class Engine(StrEnum):
-    """Where the runs of a sweep are executed."""
-
-    processes = "processes"
-    ray = "ray"
-
-
 @app.command()
 def train(
     simulator: SimulatorPath,
@@ -196,54 +189,6 @@ def export(
     typer.echo(f"{out}: written")
 
 
-@app.command()
-def sweep(
-    simulator: SimulatorPath,
-    out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for the policies, sweep.md and sweep.json.")
-    ],
-    set_: Annotated[
-        list[str], typer.Option("--set", metavar="NAME=A,B", help="Values of a setting; repeat for a grid.")
-    ],
-    trainer: Annotated[Trainer, typer.Option(help="analytic or trpo.")] = Trainer.analytic,
-    workers: Annotated[int, typer.Option(help="Processes side by side.", min=1)] = 1,
-    engine: Annotated[
-        Engine, typer.Option(help="ray: on the cluster that RAY_ADDRESS names; extra 'ray'.")
-    ] = Engine.processes,
-    resume: Resume = False,
-    overwrite: Overwrite = False,
-) -> None:
-    """Train a grid of settings and seeds, and rank them by validation.
-
-    Example: deeptruck-cacc sweep --simulator SIM --out rates --set learning_rate=0.003,0.006 --workers 2
-    """
-    from rich.console import Console
-
-    from deeptruck_cacc.training import sweep as sweeping
-    from deeptruck_model import checks
-    from deeptruck_model.results import apart
-    from deeptruck_model.sweeps import read_grid
-
-    kind, again = trainer.value, {"resume": resume, "overwrite": overwrite}
-    checks.every(
-        *(partial(sweeping.combinations, kind, one) for one in map(read_grid, ([text] for text in set_))),
-        partial(apart, out, Path(simulator)),
-        partial(checks.simulator, simulator),
-        partial(sweeping.SWEEP.check_start, out, **again),
-    )
-    sweeping.sweep(
-        simulator,
-        out,
-        read_grid(set_),
-        trainer=kind,
-        workers=workers,
-        engine=engine.value,
-        say=Console(stderr=True).print,
-        **again,
-    )
-    typer.echo((out / sweeping.TABLE).read_text())
-
-
 def _config(
     trainer: Trainer,
     seed: int,
@@ -266,6 +211,11 @@ def _config(
     given |= {"scene": scene} if scene else {}
     given |= {"memory": memory} if memory is not None else {}
     return kind(**given)
+
+
+console.moved(
+    app, "sweep", "'deeptruck-cacc train --seeds N'; settings are fields of its configuration in Python"
+)
 
 
 def main() -> None:

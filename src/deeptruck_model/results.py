@@ -12,7 +12,7 @@ from deeptruck_model.checks import MANIFEST
 DEEP_TRUCK = Result("a deep truck", resumes_from=("resume.safetensors", MANIFEST))
 CALIBRATED = Result("a calibrated deep truck")
 PHYSICS_TRUCK = Result("a physics truck")
-SWEEP = Result("a sweep")
+FLEET = Result("the results of a fleet")
 EVALUATION = Result("an evaluation")
 COVERAGE = Result("a coverage")
 BAG = Result("an imported bag")

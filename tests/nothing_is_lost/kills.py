@@ -53,12 +53,6 @@ COMMANDS = tuple(
     for name, line, result, again in (
         ("train", "deeptruck-model train a --budget 40 --out out", "model.safetensors", "--resume"),
         (
-            "sweep",
-            "deeptruck-model sweep a --set learning_rate=0.003,0.006 --set budget=20 --workers 2 --out out",
-            "*/seed-*/model.safetensors",
-            "--resume",
-        ),
-        (
             "mismatch",
             "deeptruck-model mismatch --simulator truck:trucksim --recordings a b --out out",
             "verdict.json",

@@ -13,7 +13,6 @@ from typing import Any
 
 from deeptruck_cacc.controllers.policy import POLICY
 from deeptruck_cacc.evaluation import output
-from deeptruck_cacc.training import sweep as policy_sweep
 from deeptruck_core.files import MARKER, Result, unfinished
 from deeptruck_exam.folder import CASE, PLANT, PROOF, REAL
 from deeptruck_model import results
@@ -21,14 +20,14 @@ from deeptruck_model.mismatch import folders
 from deeptruck_nodes import bag_place
 from examples.demo import drives, real
 
-RESUMABLE = (results.DEEP_TRUCK, results.SWEEP, POLICY, policy_sweep.SWEEP)
+RESUMABLE = (results.DEEP_TRUCK, POLICY)
 AT_ONCE = (
     results.PHYSICS_TRUCK, results.EVALUATION, results.COVERAGE, results.BAG, results.WRITTEN_BAG,
     results.BAG_WITH_ROAD, results.CALIBRATED,
     results.FOUND, folders.APPLIED, output.EVALUATION, drives.DRIVES, real.DRIVES,
 )  # fmt: skip
 RECORDED = bag_place.BAG
-KINDS = (*RESUMABLE, *AT_ONCE, PROOF, PLANT, REAL, CASE, RECORDED)
+KINDS = (*RESUMABLE, *AT_ONCE, results.FLEET, PROOF, PLANT, REAL, CASE, RECORDED)
 
 STEPS = ("rename", "replace", "mkdir", "unlink", "rmdir", "chmod", "listdir", "scandir", "stat", "open")
 ERRORS: dict[str, Callable[[], BaseException]] = {

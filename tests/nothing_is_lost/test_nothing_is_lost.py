@@ -158,7 +158,6 @@ ALLOWED = {
     "deeptruck_core/files/single.py": "its own draft",
     "deeptruck_model/recordings/crash_safe.py": "metadata.yaml of the bag that it has just made",
     "deeptruck_model/recordings/mcap_repair.py": "the repaired bag; what was cut off or replaced is kept",
-    "deeptruck_model/fleet/storage.py": "its own drafts, and a truck's earlier result that its receipt names",
     "deeptruck_model/deep/training.py": "the resume point of a training that diverged",
     "deeptruck_model/deep/card.py": "the resume point in the draft of its own run",
     "truck_bridge/can_logs/live.py": "the log that it has just made and in which nothing was received",

@@ -22,20 +22,17 @@ from deeptruck_exam.folder import CASE, clear
 from deeptruck_exam.run import examine
 from deeptruck_model import results, trucks
 from deeptruck_model.cli import whole
-from deeptruck_model.deep.sweep import sweep
 
 FOLDERS = (
     "deeptruck-model import none.csv --columns none.yaml --out out",
     "deeptruck-model coverage none --out out",
     "deeptruck-model train none --out out",
-    "deeptruck-model sweep none --set learning_rate=0.003 --out out",
     "deeptruck-model evaluate truck:trucksim none --out out",
     "deeptruck-model calibrate none none --out out",
     "deeptruck-model mismatch --simulator truck:trucksim --recordings none --out out",
     "deeptruck-model apply none --out out",
     "deeptruck-model road none none --out out",
     "deeptruck-cacc train --simulator truck:trucksim --out out",
-    "deeptruck-cacc sweep --simulator truck:trucksim --set learning_rate=0.003 --out out",
     "deeptruck-cacc evaluate baseline:cacc --simulator truck:trucksim --out out",
 )
 INSIDE = (
@@ -45,6 +42,7 @@ INSIDE = (
     "deeptruck-model calibrate bag none --out bag --overwrite",
     "deeptruck-model train none --from bag --out bag --overwrite",
     "deeptruck-model mismatch --simulator truck:trucksim --recordings bag --out bag/out",
+    "deeptruck-model fleet train bag --out bag/out",
     "deeptruck-model apply bag --out bag/out",
     "deeptruck-model road found bag --out bag/out",
     "deeptruck-cacc train --simulator bag --out bag/out",
@@ -130,14 +128,6 @@ def test_of_a_case_only_what_is_large_is_removed(here: Path) -> None:
     clear(here / "case", "recordings", "found/simulator")
     left = {p.relative_to(here / "case").as_posix() for p in (here / "case").rglob("*")}
     assert left == {MARKER, "found", "found/verdict.json"}
-
-
-def test_a_sweep_is_gone_on_with_where_one_is(here: Path) -> None:
-    (here / "out").mkdir()
-    (here / "out" / "sweep.md").write_text("mine")
-    with pytest.raises(InputError, match=r"out holds sweep\.md but no \.deeptruck\.json"):
-        sweep([here / "none"], here / "out", {"budget": [10]}, resumes=True)
-    assert (here / "out" / "sweep.md").read_text() == "mine"
 
 
 @pytest.mark.parametrize("place", ["/dev/shm", "/proc"])

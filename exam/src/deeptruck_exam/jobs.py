@@ -6,16 +6,21 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeVar
 
+from deeptruck_core.errors import InputError
+from deeptruck_core.terminal import interrupts
 from deeptruck_core.terminal.progress import bar
 from deeptruck_exam.cases.plan import MINUTES
-from deeptruck_model import sweeps
 
 A_CASE = "about a minute each with a physics truck, longer with a learned one; a stopped run goes on"
+KILLED = "a process was killed; is there memory for {} at once? Give fewer --jobs: a stopped run goes on"
 Work = TypeVar("Work")
 
 
@@ -45,15 +50,22 @@ def run_jobs(out: Path, wanted: Sequence[Job], *, jobs: int = 1) -> list[dict[st
 def in_parallel(
     do: Callable[[Work], Any], each: Sequence[Work], jobs: int, label: str
 ) -> Iterator[tuple[Work, Any]]:
-    """What `do` returns for each, and for which, as they end in `jobs` processes; progress on stderr."""
+    """For each, what `do` returns, in the order in which they end in `jobs` processes; progress on stderr.
+    Raises InputError if a process is killed."""
+    pool = ProcessPoolExecutor(
+        jobs, get_context("spawn"), initializer=interrupts.end_with_parent, initargs=(os.getpid(),)
+    )
     with bar(label, every_s=0.0) as show:
-        for done, found in enumerate(sweeps.run(partial(_with, do), each, workers=jobs), 1):
-            yield found
-            show(done, len(each), "")
-
-
-def _with(do: Callable[[Work], Any], one: Work) -> tuple[Work, Any]:
-    return one, do(one)
+        try:
+            with interrupts.held_back():  # the pool starts its processes here, which this one ends
+                running = {pool.submit(do, one): one for one in each}
+            for done, future in enumerate(as_completed(running), 1):
+                yield running[future], future.result()
+                show(done, len(each), "")
+        except BrokenProcessPool:
+            raise InputError(KILLED.format(jobs)) from None
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def _examine(out: Path, job: Job) -> dict[str, Any]:

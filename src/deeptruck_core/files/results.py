@@ -196,7 +196,7 @@ class Result:
         def leave() -> None:
             if _holds(draft, resumes_from):
                 kept.append(draft)
-            elif new and not _is_finished(draft):
+            elif new and not is_finished(draft):
                 shutil.rmtree(draft, ignore_errors=True)
 
         with self._held(out, overwrite):
@@ -364,7 +364,8 @@ def _name(path: Path, folder: Path) -> str:
     return path.relative_to(folder).as_posix()
 
 
-def _is_finished(folder: Path) -> bool:
+def is_finished(folder: Path) -> bool:
+    """Whether a result folder is complete."""
     known = Marker.read(folder)
     return known is not None and known.files is not None
 

@@ -4,6 +4,7 @@ removed.
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import sys
@@ -20,6 +21,7 @@ GRACE_S = (
     1.0  # for unwinding: a library's compiler may swallow the exception, and compiled code does not see it
 )
 SHOW_CURSOR = "\x1b[?25h"
+PR_SET_PDEATHSIG = 1  # of Linux's prctl
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 REPLACED = (signal.SIG_DFL, signal.default_int_handler, end_at_once)
 
@@ -91,6 +93,15 @@ def held_back() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def end_with_parent(parent: int) -> None:
+    """In a process that the process `parent` started: be killed when that one ends, in whatever way
+    (Linux)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it ended before
+        os._exit(1)
 
 
 def may_raise(frame: FrameType | None) -> bool:

@@ -1,4 +1,4 @@
-"""`deeptruck-model train`, `sweep` and `export`."""
+"""`deeptruck-model train` and `export`."""
 
 from __future__ import annotations
 
@@ -115,70 +115,6 @@ def _train(
     typer.echo(f"{out}: trained in {training['seconds']:.0f} s; see {out / 'MODEL_CARD.md'}")
 
 
-class Engine(StrEnum):
-    """Where the jobs of a sweep run."""
-
-    processes = "processes"
-    ray = "ray"
-
-
-def sweep(
-    bags: Bags,
-    out: Annotated[Path, typer.Option(help="Folder for the trucks, sweep.md and sweep.json.", metavar="DIR")],
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            help="Values of a setting, such as budget or learning_rate; repeat for a grid.",
-            metavar="NAME=A,B",
-        ),
-    ] = None,
-    seeds: Annotated[int, typer.Option(help="Seeds of each combination.", min=1)] = 1,
-    workers: Annotated[int, typer.Option(help="Trucks trained side by side.", min=1)] = 1,
-    engine: Annotated[
-        Engine, typer.Option(help="ray: on the cluster that RAY_ADDRESS names; extra 'ray'.")
-    ] = Engine.processes,
-    resume: Annotated[
-        bool,
-        typer.Option("--resume", help="Go on where a killed sweep stopped, or add to a finished one."),
-    ] = False,
-    topic_map: TopicMap = None,
-    clock: ClockOption = None,
-    msg: MessageFiles = None,
-    overwrite: Overwrite = False,
-) -> None:
-    """Train a grid of settings and seeds, and rank them on held-out driving.
-
-    Example: deeptruck-model sweep drives/monday --out rates --set learning_rate=0.003,0.006 --seeds 5
-    """
-    results.apart(out, *bags)
-    results.SWEEP.check_start(out, resume=resume, overwrite=overwrite or resume)
-    from deeptruck_model import sweeps
-    from deeptruck_model.recordings.several import check
-
-    check(bags, topic_map)
-    from deeptruck_model.deep.sweep import sweep as train_all
-
-    def say(line: str) -> None:
-        typer.echo(line, err=True)
-
-    train_all(
-        bags,
-        out,
-        sweeps.read_grid(set_ or []),
-        seeds=seeds,
-        workers=workers,
-        engine=engine.value,
-        topic_map=topic_map,
-        clock=clock,
-        msg=msg or (),
-        resumes=resume,
-        overwrite=overwrite,
-        say=say,
-    )
-    typer.echo((out / "sweep.md").read_text())
-
-
 def export(
     simulator: Annotated[
         str,
@@ -222,8 +158,8 @@ def _export_fmu(simulator: str, out: Path) -> None:
 def register(app: typer.Typer) -> None:
     """Add this room's commands to the console script."""
     app.command()(train)
-    app.command()(sweep)
     app.command()(evaluate)
     app.command()(calibrate)
     app.command()(export)
+    console.moved(app, "sweep", "'deeptruck-model fleet train TRUCK --seeds N'")
     console.moved(app, "experiment", "python benchmarks/paper/run.py in commit 246717f2 of the repository")

@@ -1,1 +1,1 @@
-"""Fleet analysis: extracts, compares and pools recordings of many trucks, in stages that can be resumed."""
+"""One command for each of many trucks, on this machine or on a Ray cluster."""

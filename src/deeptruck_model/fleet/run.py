@@ -1,194 +1,174 @@
-"""Runs the stages in order: finished work is skipped, the rest is done by processes or by Ray."""
+"""Runs the jobs of a fleet, each as a process of its own, here or on Ray; finished results are kept."""
 
 from __future__ import annotations
 
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_core.terminal.progress import bar
-from deeptruck_model import checks, sweeps
-from deeptruck_model.checks.compatibility import Taken
-from deeptruck_model.fleet import compare as comparing
-from deeptruck_model.fleet import extract as extracting
-from deeptruck_model.fleet import plan
-from deeptruck_model.fleet.compare import Comparison
-from deeptruck_model.fleet.extract import INDEX, RECEIPTS, Extraction, Reading
-from deeptruck_model.fleet.plan import Drive, Truck
-from deeptruck_model.fleet.storage import Place, StorageError, code
+from deeptruck_model.fleet import page
+from deeptruck_model.fleet.jobs import Job
+from deeptruck_model.results import DEEP_TRUCK, FLEET
 
-PROBES = 3  # files of a class that are read first: where none can be used, nothing else is read
-ENGINES = {"local": "processes", "ray": "ray"}
-
-
-@dataclass(frozen=True)
-class Workers:
-    """`count` worker processes on this machine, or of the Ray cluster at `address`."""
-
-    engine: str = "local"
-    count: int = 1
-    address: str | None = None
-
-    @contextmanager
-    def ready(self) -> Iterator[None]:
-        """Connect Ray once for all stages within the block. Raises InputError for workers that cannot be
-        reached, or that have another version of this package."""
-        if self.engine != "ray":
-            yield
-            return
-        with sweeps.cluster(self.count, self.address):
-            for found in self.run(lambda _: code(), [None]):
-                if found != code():
-                    raise InputError(
-                        f"the Ray workers have deeptruck {found}, this machine {code()}; install one version"
-                    )
-            yield
-
-    def run(
-        self,
-        work: Callable[[Any], Any],
-        jobs: Sequence[Any],
-        lost: Callable[[Any, str], Any] | None = None,
-    ) -> Iterator[Any]:
-        """Results in the order of completion; see `sweeps.run`."""
-        return sweeps.run(
-            work, jobs, workers=self.count, engine=ENGINES[self.engine], lost=lost, address=self.address
-        )
+RECORD, PAGE = "fleet.json", "fleet.html"
+RETRIES = 3  # of a job whose worker was killed
+REACH_S = 5.0
+COMMAND = """
+from deeptruck_core.terminal import interrupts
+interrupts.end_with_parent({})
+from deeptruck_model.cli import main
+main()
+"""
 
 
 @dataclass(frozen=True)
-class Fleet:
-    """The drives of a source, the trucks, each class's simulator, and how its files are read."""
+class Outcome:
+    """What a job printed, why it failed, if it did, and how long it took."""
 
-    source: Place
-    target: Place
-    drives: Sequence[Drive]
-    trucks: Mapping[str, Truck]
-    simulators: Mapping[str, str]
-    readings: Mapping[str, Reading]
-
-    @staticmethod
-    def of(
-        source: Place,
-        target: Place,
-        layout: str,
-        simulator: str,
-        *,
-        trucks: Path | None = None,
-        topic_map: Path | None = None,
-        columns: Path | None = None,
-    ) -> Fleet:
-        """The fleet from command-line arguments. Raises InputError for arguments that do not fit together,
-        before a file is read."""
-        if topic_map is not None and columns is not None:
-            raise InputError("give --topic-map for bags or --columns for tables, not both")
-        table = plan.trucks(trucks)
-        drives = plan.drives(source, layout)
-        kinds = sorted({_kind(table, d.truck) for d in drives})
-        by_class = plan.simulators(simulator, kinds)
-        mapped = plan.mapping(topic_map, columns=False)
-        meaning = plan.mapping(columns, columns=True)
-        readings = {}
-        for kind, text in by_class.items():
-            facts = checks.simulator(text)
-            taken = Taken(f"the simulator {facts.name}", facts.interface, facts.dt)
-            readings[kind] = Reading(mapped, meaning, taken)
-        return Fleet(source, target, drives, table, by_class, readings)
-
-    def jobs(self) -> list[Extraction]:
-        """One extraction per file."""
-        return [
-            Extraction(d, self.readings[_kind(self.trucks, d.truck)], self.source, self.target)
-            for d in self.drives
-        ]
+    says: list[str]
+    failed: str
+    seconds: float
 
 
-def _kind(trucks: Mapping[str, Truck], name: str) -> str:
-    return trucks.get(name, Truck(name)).kind
+def run(jobs: Sequence[Job], out: Path, *, workers: int = 1, ray: str | None = None) -> list[tuple[Job, str]]:
+    """Do the jobs that have no finished result of the same words, `workers` at a time or by all cores of the
+    Ray cluster at the address `ray`; writes fleet.json and fleet.html into `out` and returns the jobs that
+    failed, with the reason.
 
-
-def extract(fleet: Fleet, workers: Workers) -> dict[str, Any]:
-    """Read files not read so far; writes and returns the index. Raises InputError if none of the first files
-    of a class can be used, before others are read."""
-    jobs = fleet.jobs()
-    there = {f.path for f in fleet.target.list(RECEIPTS)}
-    to_do = [job for job in jobs if job.receipt not in there]
-    receipts = [fleet.target.read_json(job.receipt) for job in jobs if job.receipt in there]
-    if not receipts:
-        to_do, probed = _probed(to_do)
-        receipts += probed
-    failed: list[dict[str, Any]] = []
-    for one in _shown("extract", workers.run(extracting.extract, to_do, extracting.lost), len(to_do)):
-        (failed if "failed" in one else receipts).append(one)
-    index = extracting.index(receipts, failed)
-    index["simulators"] = dict(fleet.simulators)
-    index["classes"] = {truck: _kind(fleet.trucks, truck) for truck in index["trucks"]}
-    fleet.target.write_json(INDEX, index)
-    return index
-
-
-def _probed(jobs: Sequence[Extraction]) -> tuple[list[Extraction], list[dict[str, Any]]]:
-    """The first files of each class, read in this process, and the remaining files."""
-    by_simulator: dict[str, list[Extraction]] = {}
-    for job in jobs:
-        by_simulator.setdefault(job.reading.key, []).append(job)
-    done, receipts = set(), []
-    for own in by_simulator.values():
-        for n, job in enumerate(own[:: max(1, len(own) // PROBES)][:PROBES], 1):
-            receipt = extracting.extract(job)
-            if "failed" in receipt:
-                raise StorageError(receipt["failed"])
-            done.add(job.receipt)
-            receipts.append(receipt)
-            if "quarantined" not in receipt:
-                break
-            if n == min(PROBES, len(own)):
-                raise InputError(
-                    f"the first {n} files that were read cannot be used: {receipt['quarantined']}"
-                )
-    return [job for job in jobs if job.receipt not in done], receipts
-
-
-def compare(
-    target: Place, workers: Workers, hours: float | None = None, units: str = "m/s"
-) -> list[dict[str, Any]]:
-    """Compare each truck that has no receipt yet with the simulator of its class, on at most `hours` of its
-    drives (None: all); its page states speeds in `units`. Returns the receipts of all trucks.
-
-    Raises InputError if nothing was extracted.
+    On a cluster, the present folder, and all paths in the jobs, must be the same on every node. Raises
+    InputError if `out` holds something else, and if Ray or its cluster cannot be used.
     """
-    if not target.exists(INDEX):
-        raise InputError(f"{target.name} has no {INDEX}; run 'deeptruck-model fleet extract' first")
-    index = target.read_json(INDEX)
-    if not index["trucks"]:
-        raise InputError(f"{target.name}: none of {index['total']['files']} files could be used; see {INDEX}")
-    jobs = [
-        Comparison(
-            truck, tuple(drives), index["simulators"][index["classes"][truck]], hours, target, units=units
-        )
-        for truck, drives in index["trucks"].items()
-    ]
-    known = [comparing.is_done(job) for job in jobs]
-    receipts = [r for r in known if r is not None]
-    to_do = [job for job, receipt in zip(jobs, known, strict=True) if receipt is None]
-    receipts += _shown("compare", workers.run(comparing.compare, to_do, comparing.lost), len(to_do))
-    return receipts
+    with FLEET.in_place(out):
+        done = _record(out)
+        to_do = [job for job in jobs if not _is_done(job, done)]
+        outcomes = _on_ray(to_do, ray) if ray and to_do else _here(to_do, workers)
+        failed = list[tuple[Job, str]]()
+        with bar(jobs[0].words[0], every_s=0.0) as show:
+            show(len(jobs) - len(to_do), len(jobs), "")
+            for number, (job, outcome) in enumerate(outcomes, len(jobs) - len(to_do) + 1):
+                failed += [(job, outcome.failed)] if outcome.failed else []
+                done[job.name] = {"words": _words(job), **asdict(outcome)}
+                files.write(out / RECORD, (json.dumps(done, indent=1, sort_keys=True) + "\n").encode())
+                show(number, len(jobs), f"{len(failed)} failed" if failed else "")
+        files.write(out / PAGE, page.page(done, out).encode())
+    return failed
 
 
-def _shown(label: str, results: Iterator[dict[str, Any]], total: int) -> Iterator[dict[str, Any]]:
-    """The same results, with a progress bar: count, rate, remaining time, and failures."""
-    begun, out, read = time.monotonic(), 0, 0
-    with bar(label) as show:
-        for done, one in enumerate(results, 1):
-            out += "quarantined" in one or "failed" in one
-            read += one.get("bytes", 0)
-            passed = max(time.monotonic() - begun, 1e-3)
-            speed = 60.0 * done / passed
-            rate = f"{speed:.0f} a minute" if speed >= 1.0 else "under 1 a minute"
-            rate += f", {read / passed / 1e6:.1f} MB/s" if read else ""
-            show(done, total, f"{rate}, {out} left out")
-            yield one
+def _record(out: Path) -> dict[str, Any]:
+    """The jobs of fleet.json whose result is still there, and those that failed."""
+    try:
+        jobs = json.loads((out / RECORD).read_text())
+        return {n: job for n, job in jobs.items() if job["failed"] or files.is_finished(out / n)}
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        raise InputError(f"{out / RECORD} is damaged; restore it, or choose another --out") from None
+
+
+def _is_done(job: Job, done: Mapping[str, Any]) -> bool:
+    known = done.get(job.name)
+    return known is not None and not known["failed"] and known["words"] == _words(job)
+
+
+def _words(job: Job) -> list[str]:
+    """The words by which a result is the same; --overwrite makes no other."""
+    return [word for word in job.words if word != "--overwrite"]
+
+
+def do(job: Job, folder: Path, deeptruck: str) -> Outcome:
+    """Do a job in a process of its own, which ends with this one; `folder` and version are the caller's."""
+    if (ours := version("deeptruck")) != deeptruck:
+        return Outcome([], f"a worker has deeptruck {ours}, not {deeptruck}; install one version", 0.0)
+    goes_on = ["--resume"] if job.words[0] == "train" and DEEP_TRUCK.begun(job.out) else []
+    begun = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-c", COMMAND.format(os.getpid()), *job.line, *goes_on],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        env={"OMP_NUM_THREADS": "1", **os.environ},
+        check=False,
+    )
+    says, errors = ([x for x in text.splitlines() if x.strip()] for text in (done.stdout, done.stderr))
+    failed = ""
+    if done.returncode < 0:
+        name = signal.Signals(-done.returncode).name
+        failed = f"killed by {name}; is there memory for all that run side by side?"
+    elif done.returncode:
+        failed = (errors or [f"ended with {done.returncode}"])[-1].removeprefix("deeptruck-model: ")
+    return Outcome(says, failed, round(time.monotonic() - begun, 1))
+
+
+def _here(jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, Outcome]]:
+    pool = ThreadPoolExecutor(workers)
+    try:
+        running = {pool.submit(do, job, Path.cwd(), version("deeptruck")): job for job in jobs}
+        for future in as_completed(running):
+            yield running[future], future.result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _on_ray(jobs: Sequence[Job], address: str) -> Iterator[tuple[Job, Outcome]]:
+    with _cluster(address) as ray:
+        remote = ray.remote(max_retries=RETRIES)(do)
+        running = {remote.remote(job, Path.cwd(), version("deeptruck")): job for job in jobs}
+        while running:
+            (done,), _ = ray.wait(list(running))
+            try:
+                outcome = ray.get(done)
+            except ray.exceptions.RayError as error:
+                outcome = Outcome([], f"its worker was lost: {' '.join(str(error).split())[:200]}", 0.0)
+            yield running.pop(done), outcome
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Any]:
+    """Connect Ray for the block; 'local' starts one on the loopback address of this machine."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is reported to anybody
+    settings: dict[str, Any] = {"address": address}
+    if address == "local":
+        os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")  # all ports on the loopback address
+        settings |= {"include_dashboard": False, "_node_ip_address": "127.0.0.1"}
+    else:
+        _reach(address)
+    try:
+        import ray
+    except ModuleNotFoundError:
+        raise InputError("Ray is not installed: pip install 'deeptruck[ray]', or leave --ray out") from None
+    try:
+        ray.init(log_to_driver=False, **settings)
+    except Exception as error:  # Ray raises no narrower one where it does not start in time
+        raise InputError(f"Ray at {address} cannot be used: {' '.join(str(error).split())[:300]}") from None
+    try:
+        yield ray
+    finally:
+        ray.shutdown()
+
+
+def _reach(address: str) -> None:
+    """Raises InputError if nothing answers at an address; Ray itself would retry for ever."""
+    host, colon, port = address.rpartition("://")[2].rstrip("/").rpartition(":")
+    if not colon:  # 'auto' and the like: no address
+        return
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=REACH_S).close()
+    except (OSError, ValueError, OverflowError) as error:
+        raise InputError(
+            f"no Ray cluster answers at {address} ({error}); correct --ray, or leave it out to work here"
+        ) from None

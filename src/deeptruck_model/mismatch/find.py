@@ -21,17 +21,14 @@ from deeptruck_model.mismatch.mechanisms.own import check_extras, checked, not_c
 from deeptruck_model.mismatch.posterior.budget import budget
 from deeptruck_model.mismatch.posterior.events import with_events
 from deeptruck_model.mismatch.posterior.names import Compared, names
-from deeptruck_model.mismatch.posterior.posterior import gains
 from deeptruck_model.mismatch.posterior.reference_error import with_reference_error
-from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives, Span, prepare_drives
-from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.report.found import Mismatch
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import COMPARING, gather
 from deeptruck_model.mismatch.residual.left_out import left_to_compare
-from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.verdict import wording
 from deeptruck_model.mismatch.verdict.decide import Stated, conclude, name_tree, tolerated, unusable
 from deeptruck_model.mismatch.verdict.findings import findings
@@ -215,33 +212,3 @@ def _check_spans(without: Any, recordings: Sequence[Recording]) -> None:
             raise InputError(
                 f"there is no recording '{span.recording}' to leave rows out of; there are {', '.join(names)}"
             )
-
-
-def evidence_by_name(
-    simulator: MinimalSimulator,
-    recordings: Sequence[Recording],
-    held_out: Sequence[Recording],
-    *,
-    seed: int = 0,
-    rules: Rules = Rules(),
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Log evidence (nats) of each name over no effect, separately for the recordings and the held-out ones.
-
-    Neither result depends on the other's noise. Empty for a part with less than a minute that can be
-    compared. Raises InputError if a recording does not belong to the simulator.
-    """
-    simulator = completed(simulator)
-    with threadpool_limits(1):
-        drives = prepare_drives(simulator, recordings, held_out, rules)
-        fit, held = (_nats(simulator, drives.part(out), seed, rules) for out in (False, True))
-    return fit, held
-
-
-def _nats(simulator: Simulator, drives: Sequence[Prepared], seed: int, rules: Rules) -> dict[str, float]:
-    if sum(float(p.valid.sum()) * p.dt for p in drives) < Limits.least_driving_s:
-        return {}
-    e = gather(simulator, drives, [False] * len(drives), seed=seed, rules=rules)
-    if float(e.valid.sum()) * e.dt < Limits.least_driving_s:
-        return {}
-    regression = Regression(with_reference_error(simulator, e, drives[0].measured_acceleration, seed))
-    return gains(regression)

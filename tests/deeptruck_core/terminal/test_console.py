@@ -58,7 +58,7 @@ import signal, sys, time, typer
 from pathlib import Path
 from deeptruck_core.terminal import console
 from deeptruck_core import files
-from deeptruck_model import sweeps
+from deeptruck_exam.jobs import in_parallel
 signal.signal(signal.SIGINT, signal.default_int_handler)  # as at a terminal, wherever this test runs
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 app = typer.Typer()
@@ -73,7 +73,7 @@ def main() -> None:
 if __name__ == '__main__':
     console.run(app, 'tool', [])
 """
-ALONE, SIDE_BY_SIDE = "wait()", "list(sweeps.run(time.sleep, [60, 60], workers=2))"
+ALONE, SIDE_BY_SIDE = "wait()", "list(in_parallel(time.sleep, [60, 60], 2, 'naps'))"
 SWALLOWED = """
         while True:
             try:

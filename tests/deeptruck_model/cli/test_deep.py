@@ -70,8 +70,6 @@ def test_an_unfinished_training_goes_on(script: Script, monday: Path, killed: Pa
     [
         ("train BAG none --out other", "none does not exist"),
         ("train BAG --out link", "link is a symbolic link"),
-        ("sweep BAG --out BAG --set speed=3", "or inside it, which is read here"),
-        ("sweep BAG --out other --set speed=3", "no setting 'speed'"),
         ("export none --out BAG/metadata.yaml", "metadata.yaml exists already"),
         ("export truck:trucksim --out other.onnx", "truck:trucksim is no deep truck"),
     ],

@@ -19,7 +19,6 @@ TYPES = get_typestore(Stores.ROS2_JAZZY)
 S = 1_000_000_000
 TAKES_A_MAP = (
     "train bag --out out",
-    "sweep bag --set learning_rate=0.003 --out out",
     "coverage bag --out out",
     "evaluate truck:trucksim bag --out out",
     "calibrate sim bag --out out",
@@ -107,14 +106,6 @@ def test_train_and_evaluate_by_a_map(here: Path, script: Script, foreign: Callab
     assert code == 0 and "2 free runs" in said, errors
     code, _, errors = script("evaluate", "truck:volvo", bags[1], "--out", "other", *words)
     assert code == 2 and "the simulator takes" in errors
-
-
-def test_sweep_by_a_map(here: Path, script: Script, foreign: Callable[..., Path]) -> None:
-    source = foreign(here / "mine", 150.0)
-    script("suggest", source, "--out", "topics.yaml")
-    words = ("--set", "budget=2", "--out", "rates", "--topic-map", "topics.yaml")
-    code, _, errors = script("sweep", source, *words)
-    assert code == 0 and len(list(Path("rates").glob("*/seed-0/simulator.json"))) == 1, errors
 
 
 def test_without_out_the_map_is_printed(here: Path, script: Script, foreign: Callable[..., Path]) -> None:

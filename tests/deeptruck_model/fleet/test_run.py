@@ -1,0 +1,222 @@
+"""A small fleet, imported by real processes here and on Ray."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeptruck_core.errors import InputError
+from deeptruck_model.fleet.jobs import Job
+from deeptruck_model.fleet.run import run
+
+COLUMNS = """
+time: {column: t, unit: s}
+channels:
+  speed: {column: v, unit: m/s}
+  engine_command: {column: p, unit: percent}
+"""
+PATIENCE_S = 200.0
+Script = Callable[..., tuple[int, str, str]]
+
+
+def write(path: Path, seconds: int = 60) -> None:
+    t = np.arange(0.0, seconds, 0.1)
+    v, p = 12 + 4 * np.sin(t / 9), 40 + 25 * np.cos(t / 9)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savetxt(path, np.c_[t, v, p], "%.3f", ",", header="t,v,p", comments="")
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with logs of the trucks a and b, of which that of b cannot be read."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "columns.yaml").write_text(COLUMNS)
+    write(tmp_path / "logs" / "a" / "d0.csv")
+    (tmp_path / "logs" / "b").mkdir()
+    (tmp_path / "logs" / "b" / "d0.csv").write_text("t,v,p\nno number,1,2\n")
+    return tmp_path
+
+
+WORDS = ("fleet", "import", "logs/a", "logs/b", "--columns", "columns.yaml", "--out", "drives")
+
+
+def made(folder: Path) -> dict[str, int]:
+    """When each bag was made."""
+    return {
+        p.parent.relative_to(folder).as_posix(): p.stat().st_mtime_ns for p in folder.rglob("metadata.yaml")
+    }
+
+
+def test_a_broken_truck_does_not_stop_the_others_and_the_same_command_goes_on(
+    here: Path, script: Script
+) -> None:
+    code, says, errors = script(*WORDS, "--jobs", "2")
+    assert code == 2 and says == "1 of 2 done; see drives/fleet.html\n"
+    *_, failed, last = errors.splitlines()
+    assert failed.startswith("b/d0: ") and "logs/b/d0.csv" in failed
+    assert last == "deeptruck-model: 1 of 2 failed; the same command tries them again"
+    first = made(here / "drives")
+    assert list(first) == ["a/d0"]
+    page = (here / "drives" / "fleet.html").read_text()
+    assert "<strong>failed:</strong>" in page and page.index("b/d0") < page.index("a/d0")
+    assert f"deeptruck-model import {here}/logs/b/d0.csv --columns columns.yaml" in page
+
+    write(here / "logs" / "b" / "d0.csv")
+    assert script(*WORDS)[:2] == (0, "2 of 2 done; see drives/fleet.html\n")
+    assert made(here / "drives").keys() == {"a/d0", "b/d0"}
+    assert made(here / "drives")["a/d0"] == first["a/d0"]
+    assert "failed" not in (here / "drives" / "fleet.html").read_text()
+
+
+def test_a_result_of_other_words_is_replaced_with_overwrite_alone(here: Path, script: Script) -> None:
+    words = [word for word in WORDS if word != "logs/b"]
+    assert script(*words)[0] == 0
+    (here / "columns.yaml").rename(here / "meaning.yaml")
+    words[words.index("columns.yaml")] = "meaning.yaml"
+    first = made(here / "drives")
+    for _ in range(2):  # what is refused is not taken for done afterwards
+        code, _, errors = script(*words)
+        assert code == 2 and "a/d0 holds an imported bag already" in errors
+        assert made(here / "drives") == first
+    assert script(*words, "--overwrite")[0] == 0
+    again = made(here / "drives")
+    assert again != first
+    assert script(*words)[0] == 0 and made(here / "drives") == again
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("fleet extract logs/a --out out", "'fleet extract' is no command; write 'fleet import'"),
+        ("fleet import --columns a.yaml logs/a --out out", "give the trucks first: 'fleet import drives/*/"),
+        ("fleet import logs/a --colums columns.yaml --out out", "No such option: --colums"),
+        ("fleet import logs/a --seeds 2 --out out", "--seeds is for 'fleet train'"),
+        ("fleet import logs/a --out logs/a/out", "or inside it, which is read here"),
+        ("fleet import logs/a/d0.csv --out out", "is a file; give each truck as a folder"),
+        ("fleet train logs/a --out mine", "mine holds notes.txt but no .deeptruck.json"),
+        ("fleet train logs/a --out out --ray 127.0.0.1:9", "no Ray cluster answers at 127.0.0.1:9"),
+    ],
+)
+def test_what_is_refused(here: Path, script: Script, words: str, says: str) -> None:
+    (here / "mine").mkdir()
+    (here / "mine" / "notes.txt").write_text("mine")
+    code, _, errors = script(*words.split())
+    assert code == 2 and says in " ".join(errors.split())
+    assert not [path for path in here.glob("out/*") if path.name[0] != "."]
+
+
+def test_without_ray_it_says_what_to_install(
+    here: Path, script: Script, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    code, _, errors = script(*WORDS, "--ray", "local")
+    assert code == 2 and "pip install 'deeptruck[ray]', or leave --ray out" in errors
+
+
+def test_a_damaged_record_is_refused(here: Path) -> None:
+    job = Job("a/d0", ("import", "logs/a/d0.csv"), here / "drives" / "a" / "d0")
+    (here / "drives").mkdir()
+    (here / "drives" / ".deeptruck.json").write_text('{"what": "the results of a fleet", "files": null}')
+    (here / "drives" / "fleet.json").write_text("{")
+    with pytest.raises(InputError, match=r"fleet\.json is damaged; restore it"):
+        run([job], here / "drives")
+
+
+def processes(out: Path) -> Iterator[Path]:
+    """Entries of /proc of the jobs that write `out`, or below it."""
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            words = (process / "cmdline").read_bytes().split(b"\0")
+            if b"-c" in words and any(word.startswith(bytes(out)) for word in words):
+                yield process
+
+
+def killed(out: Path, parent: bool) -> threading.Thread:
+    """A thread that kills the first process of the job that writes `out`, or with `parent` who started it."""
+
+    def kill() -> None:
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:
+            for process in processes(out):
+                with suppress(OSError):
+                    by = int((process / "stat").read_text().rpartition(")")[2].split()[1])
+                    os.kill(by if parent else int(process.name), signal.SIGKILL)
+                    return
+            time.sleep(0.01)
+
+    thread = threading.Thread(target=kill, daemon=True)
+    thread.start()
+    return thread
+
+
+def plan(here: Path) -> list[Job]:
+    write(here / "logs" / "b" / "d0.csv")
+    return [
+        Job(
+            f"{t}/d0",
+            ("import", str(here / f"logs/{t}/d0.csv"), "--columns", "columns.yaml"),
+            here / f"drives/{t}/d0",
+        )
+        for t in "ab"
+    ]
+
+
+def test_a_killed_job_is_one_line_and_is_done_the_next_time(here: Path) -> None:
+    jobs = plan(here)
+    killer = killed(jobs[1].out, parent=False)
+    (failed,) = run(jobs, here / "drives")
+    killer.join()
+    assert failed[0] == jobs[1] and failed[1].startswith("killed by SIGKILL; is there memory")
+    assert list(made(here / "drives")) == ["a/d0"]
+    assert not run(jobs, here / "drives")
+    assert made(here / "drives").keys() == {"a/d0", "b/d0"}
+
+
+def test_a_killed_fleet_leaves_no_process_and_goes_on(here: Path) -> None:
+    jobs = plan(here)
+    main = "from deeptruck_model.cli import main; main()"
+    fleet = subprocess.Popen([sys.executable, "-c", main, *WORDS, "--jobs", "2"])
+    killer = killed(jobs[1].out, parent=True)
+    killer.join()
+    assert fleet.wait(PATIENCE_S) == -signal.SIGKILL
+    end = time.monotonic() + PATIENCE_S
+    while (left := list(processes(here / "drives"))) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not left
+    assert not run(jobs, here / "drives")
+    assert made(here / "drives").keys() == {"a/d0", "b/d0"}
+
+
+@pytest.mark.long  # Ray takes half a minute and more to start
+def test_ray_does_the_job_of_a_killed_worker_again(
+    here: Path, script: Script, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Real Ray, whose worker is killed while its job runs; then a broken truck and resumption on it."""
+    monkeypatch.setenv("RAY_raylet_start_wait_time_s", "200")  # a busy machine takes its time
+    monkeypatch.setenv("RAY_agent_register_timeout_ms", "200000")
+    jobs = plan(here)
+    killer = killed(jobs[1].out, parent=True)
+    assert not run(jobs, here / "drives", ray="local")
+    killer.join()
+    assert made(here / "drives").keys() == {"a/d0", "b/d0"}
+    first = made(here / "drives")
+    (here / "logs" / "c").mkdir()
+    (here / "logs" / "c" / "d0.csv").write_text("no table")
+    code, says, errors = script(*WORDS, "--ray", "local")
+    assert code == 0 and says.endswith("2 of 2 done; see drives/fleet.html\n")
+    words = [*WORDS[:4], "logs/c", *WORDS[4:], "--ray", "local"]
+    code, says, errors = script(*words)
+    assert code == 2 and "2 of 3 done" in says and "c/d0: " in errors
+    assert made(here / "drives") == first
+    assert set(json.loads((here / "drives" / "fleet.json").read_text())) == {"a/d0", "b/d0", "c/d0"}
