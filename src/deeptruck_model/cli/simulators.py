@@ -169,7 +169,7 @@ def _check_no_worse(found: Calibration) -> None:
 
 def _stated_mass(found: Calibration, recordings: Sequence[Recording]) -> Iterator[str]:
     """Remarks if the mass stated by recordings is outside the interval from their drives."""
-    from deeptruck_model.mismatch.correction.model import contradicted_mass
+    from deeptruck_model.mismatch.correction.from_draws import contradicted_mass
 
     for p in found.parameters:
         if p.name == "mass" and p.ci95 is not None:

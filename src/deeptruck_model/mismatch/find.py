@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from deeptruck_core.errors import InputError
 from deeptruck_core.terminal.progress import steps
 from deeptruck_model.checks import calls, mass
-from deeptruck_model.mismatch.correction.model import Correction, correct
+from deeptruck_model.mismatch.correction.from_draws import Correction, correct
 from deeptruck_model.mismatch.correction.validate import Validated, validate
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism

@@ -156,8 +156,6 @@ class FitResult:
     )
     # mechanisms whose forms stand for what is added without an accepted name
     forms: tuple[str, ...] = field(default=(), metadata=stored(key="added_forms", sparse=True))
-    # whether sizes are those of least speed error, not the most probable ones
-    output_error: bool = field(default=False, metadata=SPARSE)
     # the simulator has no parameters: what refits them scales its forces instead
     scales_forces: bool = field(default=False, metadata=SPARSE)
     # None where it needs nothing beyond the protocol

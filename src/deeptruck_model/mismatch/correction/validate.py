@@ -20,7 +20,7 @@ from deeptruck_model.mismatch.correction.free_runs import (
     improvement,
     interval,
 )
-from deeptruck_model.mismatch.correction.model import Correction
+from deeptruck_model.mismatch.correction.from_draws import Correction
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.posterior.reference_error import reference_drives
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives
@@ -64,10 +64,9 @@ def validate(simulator: Simulator, correction: Correction, drives: PreparedDrive
         improvement=improvement(errors) if len(errors["before"].speed) else None,
         corrected_parameters={p: round(change, 4) for p, change in after.moved.items()},
         corrected_intervals={p: x.change_ci95 for p, x in correction.changed.items() if p in after.moved},
-        corrected_forces={name: strength(e, x.force) for name, x in correction.forces.items()},
+        corrected_forces={name: strength(e, force) for name, force in correction.forces.items()},
         forms=tuple(t.effect for t in after.terms if t.effect not in correction.forces),
         refit=correction.refit,
-        output_error=correction.output_error,
         without_exogenous=without,
         scales_forces=not simulator.parameters(),
         at_high_speed=at_high_speed(simulator, drives),

@@ -22,7 +22,7 @@ from deeptruck_model.mismatch.residual.timing import sensor_terms
 from deeptruck_model.mismatch.rules import Rules
 
 LARGEST_SLOPE = 0.75  # what four times the mass does
-HELD, PINNED = 0.01, 0.001
+HELD = 0.01
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
 
 
@@ -93,11 +93,8 @@ class Regression:
         exclude: Iterable[str] = (),
         only: Mask | None = None,
         sigma: float | None = None,
-        parameter_sd: float = HELD,
     ) -> None:
-        """`only` of its rows (n,); `sigma`, m/s^2, is the noise by which rows are weighed, else measured;
-        `parameter_sd` the relative change by which parameters may move that are not free."""
-        self._parameter_sd = parameter_sd
+        """`only` of its rows (n,); `sigma`, m/s^2, is the noise by which rows are weighed, else measured."""
         self.e, self.rules = evidence, evidence.rules
         self.parameters = tuple(evidence.sensitivity)
         self.lateness, self._lateness_prior = sensor_terms(evidence)
@@ -188,7 +185,7 @@ class Regression:
         names = (
             [n.mechanism.effect for n in named] + [f"parameter:{p}" for p in self.parameters] + ["sensor lag"]
         )
-        sd = np.array([FREE[p] if p in free else self._parameter_sd for p in self.parameters])
+        sd = np.array([FREE[p] if p in free else HELD for p in self.parameters])
         as_given = np.array([1.0 / (1.0 + self.e.moved.get(p, 0.0)) - 1.0 for p in self.parameters])
         prior = Prior.join(
             *(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), self._lateness_prior

@@ -14,11 +14,10 @@ import numpy as np
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import EachDrive
-from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import Model, Regression
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.gather import STEP, accepted, driven_anew, gather
+from deeptruck_model.mismatch.residual.gather import STEP, accepted, gather
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Simulator
 
@@ -131,34 +130,6 @@ class _About:
             learned_slow_noise=self.e.learned_slow_noise,
             reference=self.e.reference,
         )
-
-
-def about_the_mean(
-    simulator: Simulator, drives: PreparedDrives, given: Evidence, p: Posterior, changes: Mapping[str, float]
-) -> Evidence:
-    """The evidence of the rows of a posterior, at parameters with these relative changes from the given ones,
-    the mean of its draws. Other command paths are driven anew.
-
-    The posterior may be linearised elsewhere, at parameters that compensate what it then names.
-    """
-    e, own = p.regression.e, simulator.parameters()
-    mean = {n: x for n, x in changes.items() if n in own}
-
-    def near(moved: Mapping[str, float]) -> bool:
-        return all(abs(mean.get(n, 0.0) - moved.get(n, 0.0)) <= SETTLED for n in {*mean, *moved})
-
-    if near(e.moved):
-        there = e
-    elif near({}):
-        there = given
-    else:
-        there = _About(simulator, drives, given, 0, lambda step: None).at(mean)
-    valid = there.everywhere().valid
-    return driven_anew(
-        with_changes(simulator, there.moved),
-        drives.prepared,
-        replace(there, valid=valid & e.valid, whole=valid),
-    )
 
 
 def with_changes(simulator: Simulator, changes: Mapping[str, float]) -> Simulator:

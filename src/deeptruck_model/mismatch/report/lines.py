@@ -322,8 +322,7 @@ def contains(v: Verdict, *, refit: bool = False) -> Iterator[str]:
         of = f", of the form of {', '.join(map(spoken, v.fit.forms))}" if v.fit.forms else ""
         forms = f"forces without an accepted name{of}"
         parts += [f"{forms if n == UNKNOWN else spoken(n)} {acting(x)}" for n, x in added]
-        fitted = "for the least speed error" if v.fit.output_error else "to these drives"
-        yield f"The correction contains, fitted {fitted}: {'; '.join(parts)}."
+        yield f"The correction contains: {'; '.join(parts)}."
         named = _named(v)
         if named and named not in {n for n, _ in (*changed, *added)}:
             yield (

@@ -16,8 +16,8 @@ from deeptruck_core.signals import ACCELERATION, SPEED
 from deeptruck_core.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 from deeptruck_model.mismatch.prepare.prepared import Prepared, fed, fill, forced, quantum, widen
 from deeptruck_model.mismatch.residual import components, effective_mass
-from deeptruck_model.mismatch.residual.commands import RUNS, changed, command_response
-from deeptruck_model.mismatch.residual.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence, Grid, accelerations
+from deeptruck_model.mismatch.residual.commands import RUNS, command_response
+from deeptruck_model.mismatch.residual.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence, Grid
 from deeptruck_model.mismatch.residual.left_out import other_gear, with_predicted_gears
 from deeptruck_model.mismatch.residual.timing import at_another_moment, of_a_sample_sooner, samples_apart
 from deeptruck_model.mismatch.rules import Limits, Rules
@@ -58,6 +58,21 @@ def gather(
     progress.more(1)
     evidence = _compared(driven, held_out, seed, rules, mass_kg, as_given, progress)
     return _with_parameters(driven, replace(evidence, moved=dict(moved or {})), progress)
+
+
+def driven_at(simulator: Simulator, prepared: Sequence[Prepared], e: Evidence) -> Evidence:
+    """The evidence of the same rows with the simulator at other parameters, or along other commands, by one
+    run: sensitivities and what depends on them stay those of `e`."""
+    d = _driven(simulator, prepared, [s.held_out for s in e.drives])
+    residual, simulated = d.residual()
+    if not e.reports_forces:  # its forces are estimates, of the simulator as it was
+        return replace(
+            e, residual=residual, simulated=simulated, signals=e.signals | {"simulated": simulated}
+        )
+    signals, mass, _ = components.signals(simulator, prepared, d.runs, d.grid, None)
+    signals["effective_mass_gain"] = effective_mass.rows(simulator, e, d.turning(), "holds" in e.signals)
+    signals = e.signals | signals | {"simulated": simulated}
+    return replace(e, residual=residual, simulated=simulated, signals=signals, mass=mass)
 
 
 def passes(simulator: Simulator) -> int:
@@ -221,21 +236,6 @@ def _disagreement(
         run = forced_run(simulator, u, np.repeat(p.w[None], k, axis=0), fed(simulator, y))
         parts.append(run.y[:, :, ACCELERATION].std(axis=0, ddof=1))
     return grid.stack(parts)
-
-
-def driven_anew(simulator: Simulator, prepared: Sequence[Prepared], e: Evidence) -> Evidence:
-    """The evidence whose `rerun` drives the simulator along the drives again for every command path, in the
-    place of the response to it from a few runs. `simulator` has the parameters of this evidence."""
-    grid = Grid(prepared, [s.held_out for s in e.drives], round(e.dt / prepared[0].dt))
-
-    @lru_cache(maxsize=256)
-    def rerun(name: str, amount: float) -> Array:
-        return (
-            accelerations(simulator, prepared, grid, [changed(p, name, amount) for p in prepared])
-            - e.simulated
-        )
-
-    return replace(e, rerun=rerun)
 
 
 REFIT_PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")

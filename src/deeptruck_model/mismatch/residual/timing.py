@@ -31,10 +31,13 @@ SHARE = 0.06  # ... and the prior sd of each
 SAMPLES = 1.0  # prior sd: by so many a truck decides sooner or later than its simulator, as when to shift
 
 
-def sensor_terms(e: Evidence) -> tuple[Array, Prior]:
-    """Columns (n, k), m/s^2, and the prior of their shares."""
+def sensor_terms(e: Evidence, *, of_commands: bool = True) -> tuple[Array, Prior]:
+    """Columns (n, k), m/s^2, and the prior of their shares; without `of_commands` commands are not late."""
     least = e.rules.least_delay_s
-    late = [-e.difference(e.simulated), e.rerun("delay_all", least) / least]
+    late = [
+        -e.difference(e.simulated),
+        e.rerun("delay_all", least) / least if of_commands else np.zeros(len(e)),
+    ]
     slope = _late_slope(e)
     reach = filter_reach(e)
     filtered = [_row_after(e, k) - e.simulated for k in range(-reach, reach + 1) if k]

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from deeptruck_model.mismatch.correction.model import Correction
+from deeptruck_model.mismatch.correction.from_draws import Correction
 from deeptruck_model.mismatch.correction.validate import Validated
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
-from deeptruck_model.mismatch.mechanisms.families import ROOT
+from deeptruck_model.mismatch.mechanisms.families import ROOT, UNKNOWN
 from deeptruck_model.mismatch.posterior.names import Compared, Named, Node
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives
 from deeptruck_model.mismatch.rules import Rules
@@ -39,10 +39,10 @@ class Numbers:
     `parameters_only`, and `corrected` (NaN if no drive is long enough). The error to which the residual along
     fitted drives has `added_up`, without events, over the budget's own horizon (NaN if too few windows are
     free of gaps). The `reference_error` of a learned simulator on its held-out recordings (None if it is not
-    learned or not known). Which simulators are significantly `better` than the one as given, and whether the
-    corrected one is than the refit (`beyond_refit`); the error of the corrected one without signals beyond
-    the protocol (`bare`, None if it needs none); whether anything `is_corrected`, and by `fewer` parameters
-    than the refit and nothing else; which inputs are `missing`, and `doubts` about those that are there.
+    learned or not known). Which simulators are significantly `better` than the one as given; the error of the
+    corrected one without signals beyond the protocol (`bare`, None if it needs none); whether anything
+    `is_corrected`, and under a name (`named`); which inputs are `missing`, and `doubts` about those that are
+    there.
     """
 
     kinds: Sequence[Kind] = ()
@@ -54,10 +54,9 @@ class Numbers:
     added_up: float = float("nan")
     reference_error: float | None = None
     better: frozenset[str] = frozenset()
-    beyond_refit: bool = True
     bare: float | None = None
     is_corrected: bool = False
-    fewer: bool = False
+    named: bool = False
     missing: Sequence[str] = ()
     doubts: Sequence[str] = ()
 
@@ -96,18 +95,14 @@ def _good_enough(n: Numbers, rules: Rules) -> bool:
 
 
 def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
-    """Of the simulators that are significantly better than the one as given, with or without a name, the one
-    with the least error along held-out drives. The correction only if it is better than the refit alone,
-    significantly if that is better too, or as good with fewer parameters alone, and without signals that
-    others lack no worse than the one as given.
+    """Of the simulators that are significantly better than the one as given the one with the least error
+    along held-out drives: all parameters refitted alone only where the correction has no name, so that what
+    is offered is what is stated. The correction only if it is, without signals that others lack, no worse
+    than the one as given.
     If nothing is missing, it must reduce the error by as much as a drift must make to be a finding."""
-    errors = {REFIT: n.parameters_only, CORRECTION: n.corrected}
+    errors = {CORRECTION: n.corrected} | ({} if n.named else {REFIT: n.parameters_only})
     better = {name: x for name, x in errors.items() if name in n.better}
-    equal = REFIT in better and not n.beyond_refit
-    corrected, refitted = (float(np.hypot(x, rules.drift)) for x in (n.corrected, n.parameters_only))
-    if n.fewer and CORRECTION in better and rules.better * corrected <= refitted:
-        better.pop(REFIT, None)
-    elif n.corrected > n.parameters_only or equal or _worse_bare(n, rules):
+    if _worse_bare(n, rules):
         better.pop(CORRECTION, None)
     best = min(better, key=lambda name: better[name], default=AS_GIVEN)
     if kind is Conclusion.NOTHING and not n.given - errors.get(best, n.given) > rules.drift:
@@ -255,10 +250,9 @@ def _numbers(c: Compared, driven: Validated) -> Numbers:
         added_up=c.budget.speed_rmse,
         reference_error=driven.reference_error,
         better=driven.better,
-        beyond_refit=fit.improvement is None or fit.improvement.over_parameters_ci95[0] > 0.0,
         bare=fit.without_exogenous.after if fit.without_exogenous is not None else None,
         is_corrected=bool(fit.corrected),
-        fewer=not fit.corrected_forces and len(fit.corrected_parameters) < len(fit.refit),
+        named=any(name != UNKNOWN for name in fit.corrected),
         missing=[m.input for m in c.drives.missing],
         doubts=c.drives.doubts,
     )

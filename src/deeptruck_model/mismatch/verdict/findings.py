@@ -6,11 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import norm
 
 from deeptruck_core.arrays import Array
 from deeptruck_core.signals import FELT
 from deeptruck_model.mismatch.correction.fit_result import strength, visible
-from deeptruck_model.mismatch.correction.model import Correction
+from deeptruck_model.mismatch.correction.from_draws import Correction
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import Where
 from deeptruck_model.mismatch.mechanisms.families import (
@@ -32,10 +33,11 @@ from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.verdict import wording
 from deeptruck_model.mismatch.verdict.result import Alternative, Bound, Finding, Kind, Size
-from deeptruck_model.mismatch.verdict.sizes import sizes_of
+from deeptruck_model.mismatch.verdict.sizes import fitted_sizes, sizes_of
 from deeptruck_model.mismatch.verdict.where import PRINTED
 from deeptruck_model.recordings import Recording
 
+NORMAL = norm.ppf((np.arange(400) + 0.5) / 400)  # draws of a standard normal
 FAULT = 0.99  # probability that is reported of a fault, `sensor_sd` off: its deviation is an estimate
 
 
@@ -50,10 +52,7 @@ def findings(
     of_road = _of_road(c, road, rules)
     out += of_road
     road_names = {f.effect for f in of_road}  # whole, where the residual of a learned truck has a rest of it
-    needed = [named for named in c.names.found if named.name not in correction.needless]
-    if error > tolerance:  # no fit to other drives helps, but something is missing
-        needed = needed or list(c.names.found[:1])
-    for named in needed:
+    for named in (named for named in c.names.found if named.name not in correction.needless):
         f = _of_named(c, e, correction, named, rules) if named.name not in road_names else None
         if f is not None and named.accepted and _longer_than_sensors(f, e):
             each = tuple(_alternatives(c, correction, f, named))
@@ -77,11 +76,14 @@ def _of_named(c: Compared, e: Evidence, correction: Correction, named: Named, ru
     m = LIBRARY[name]
     felt = m.of_input == "grade" and e.has(FELT)
     says = wording.FELT_SLOPE if felt else m.says
-    added = correction.forces.get(name)
-    f = _finding(c, named, Kind(m.kind), says, named.force if added is None else added.force)
     term = next((t for t in correction.terms if t.mechanism.effect == name), None)
-    sizes = sizes_of(term, c.posterior, named.given) if term is not None else {}
-    sizes = sizes if added is None else {n: x.times(added.factor) for n, x in sizes.items()}
+    exact = correction.fitted
+    if exact is not None and exact.places(name):
+        force, sizes = exact.force(name), fitted_sizes(exact, name)
+        f = _finding(c, named, Kind(m.kind), says, force, exact.relative_sd(name))
+    else:
+        f = _finding(c, named, Kind(m.kind), says, named.force)
+        sizes = sizes_of(term, c.posterior, named.given) if term is not None else {}
     mass = c.parameters.get("mass")
     loads = {x.drive: x.value for x in sizes.values() if x.drive and x.unit == "kg"}
     return replace(
@@ -193,15 +195,14 @@ def _constants(c: Compared) -> tuple[Array, dict[str, Size]]:
 
 
 def _of_parameter(c: Compared, named: Named, correction: Correction, rules: Rules) -> Finding | None:
-    """A parameter error as the correction has it, with the wider interval of this and of the draws; None if
-    it is no larger than any simulator's tolerance."""
+    """A parameter error as the correction has it; None if it is no larger than any simulator's tolerance."""
     name, regression = named.name, c.regression
-    change, sd = c.posterior.change(name, named.given)
+    exact = correction.fitted
+    known = exact is not None and exact.places(name)
+    change, sd = exact.change(name) if exact and known else c.posterior.change(name, named.given)
     if abs(change) - sd < rules.nearly_right:
         return None
     wide = Z95 * sd
-    if (fitted := correction.changed.get(name)) is not None:
-        change, wide = fitted.change, max(wide, fitted.change_ci95[1] - fitted.change)
     low, high = regression.e.vehicle.possible(name)
     ci95 = (max(change - wide, low), min(change + wide, high))
     sizes = {"relative_error": Size(change, "1", ci95)}
@@ -224,9 +225,11 @@ def of_fault(f: SensorFault) -> Finding:
     )  # fmt: skip
 
 
-def _finding(c: Compared, named: Named, kind: Kind, says: str, force: Array) -> Finding:
-    """A finding. The probability of its family is that of the whole tree, where other findings may share
-    it."""
+def _finding(
+    c: Compared, named: Named, kind: Kind, says: str, force: Array, relative_sd: float | None = None
+) -> Finding:
+    """A finding with a force (n,), m/s^2, whose size is known to `relative_sd`, or as the draws have it. The
+    probability of its family is that of the whole tree, where other findings may share it."""
     e, rules, first = c.fitted, c.regression.rules, named.name
     family = FAMILY.get(first, first)
     tree = c.names.tree if c.names.tree.names.get(first) == named.tree.names[first] else named.tree
@@ -245,7 +248,7 @@ def _finding(c: Compared, named: Named, kind: Kind, says: str, force: Array) -> 
         round(tree.families[family], 3),
         (first, *others),
         evidence_nats=round(named.nats, 1),
-        strength=strength(e, force, _drawn(c, named)),
+        strength=strength(e, force, _drawn(c, named) if relative_sd is None else 1.0 + relative_sd * NORMAL),
         force=force,
         in_drives=_drives(e, force),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -112,11 +112,6 @@ class Size:
     unit: str
     ci95: Interval | None = None
     drive: str = field(default="", metadata=SPARSE)
-
-    def times(self, factor: float) -> Size:
-        """The size and its interval times a positive factor."""
-        ends = None if self.ci95 is None else (factor * self.ci95[0], factor * self.ci95[1])
-        return replace(self, value=factor * self.value, ci95=ends)
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,11 @@ from scipy.stats import truncnorm
 from deeptruck_core.arrays import Array, Mask
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column
 from deeptruck_model.mismatch.mechanisms.courses import EachDrive
+from deeptruck_model.mismatch.mechanisms.record import Form
+from deeptruck_model.mismatch.posterior.exact import Fitted
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import changed_by
-from deeptruck_model.mismatch.residual.evidence import Evidence, unit
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.expression import Rerun
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.verdict.result import Size
@@ -21,14 +23,47 @@ PER_MASS = ("N", "N m", "W")  # units of constants that are specific
 MAIN_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
 
 
-def picked(term: CandidateTerm, e: Evidence) -> dict[str, Size]:
-    """Selected constants as sizes without an interval; of two with one name, the first."""
-    out: dict[str, Size] = {}
-    for name, value, of in term.settings():
-        if of in PER_MASS:
-            out.setdefault(name, Size(value * e.unit.scale, e.unit.of(of)))
-        else:
-            out.setdefault(name, Size(value, unit(of, e.command_units) if of.endswith("_command") else of))
+def fitted_sizes(fitted: Fitted, name: str) -> dict[str, Size]:
+    """The sizes of a mechanism that was fitted by exact runs, and the constants of its form that have units,
+    with their intervals; of those whose interval holds zero none."""
+    e, out, step_s = fitted.e, {}, fitted.of.prepared[0].dt
+    gain = e.signals.get("effective_mass_gain")
+    turning = 1.0 if gain is None else float(np.median(gain[e.valid]))
+    sds = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
+    for i, part in enumerate(fitted.setting.parts):
+        if part.mechanism.effect != name:
+            continue
+        form = part.mechanism.forms[part.variant.form]
+        units = form.units if isinstance(form, Form) else {}
+        own = {
+            u.of: (float(x), float(sd))
+            for u, x, sd in zip(fitted.of.unknown, fitted.x, sds, strict=True)
+            if u.part == i
+        }
+        constants = {n: x for n, x in own.items() if isinstance(n, str)}
+        sized: dict[str, tuple[Column, float, float]] = {}
+        for k, column in enumerate(part.columns):
+            if k in own:
+                for of, weight in column.course or ((column.name, 1.0),):
+                    factor = weight * column.factor * (e.unit.scale if column.per_mass else 1.0)
+                    _, value, sd = sized.get(of, (column, 0.0, 0.0))
+                    sized[of] = (column, value + factor * own[k][0], float(np.hypot(sd, factor * own[k][1])))
+            elif column.unit == "s" or not part.paths:  # a constant is its size
+                wide = max((sd for _, sd in constants.values()), default=0.0)
+                sized[column.name] = (column, column.factor, abs(column.factor) * wide)
+        for of, (column, value, sd) in sized.items():
+            unit_of = e.unit.of(column.unit) if column.per_mass else column.unit
+            x = bounded(column, value, float(np.sqrt(sd**2 + timing(column, step_s))), unit_of, e, turning)
+            if x.ci95 is None or x.ci95[0] * x.ci95[1] > 0.0:
+                out[of] = x
+        for n, (z, sd) in constants.items():
+            if n in units and not part.paths:
+                value, ends = np.exp(z), np.exp(z + Z95 * sd * np.array([-1.0, 1.0]))
+                scale = e.unit.scale if units[n] in PER_MASS else 1.0
+                of = e.unit.of(units[n]) if units[n] in PER_MASS else units[n]
+                out.setdefault(
+                    n, Size(float(scale * value), of, (float(scale * ends[0]), float(scale * ends[1])))
+                )
     return out
 
 
@@ -55,7 +90,7 @@ def sizes_of(term: CandidateTerm, p: Posterior, given: Mask) -> dict[str, Size]:
     sizes: dict[str, tuple[float, float, str]] = {
         of: (
             float((drawn @ g).mean()),
-            float(np.sqrt(np.var(drawn @ g) + timing(columns[of], e))),
+            float(np.sqrt(np.var(drawn @ g) + timing(columns[of], e.dt))),
             e.unit.of(columns[of].unit) if columns[of].per_mass else columns[of].unit,
         )
         for of, g in weights.items()
@@ -103,6 +138,6 @@ def bounded(
     return Size(float(ends[1]), unit, (float(ends[0]), float(ends[2])) if sd else None)
 
 
-def timing(part: Column, e: Evidence) -> float:
-    """Variance (s^2) of a time because the arrival of a command is known only to a quarter of a row."""
-    return (e.dt / 4) ** 2 / 3 if part.unit == "s" and isinstance(part.expression, Rerun) else 0.0
+def timing(part: Column, step_s: float) -> float:
+    """Variance (s^2) of a time because the arrival of a command is known only to a quarter of a step."""
+    return (step_s / 4) ** 2 / 3 if part.unit == "s" and isinstance(part.expression, Rerun) else 0.0

@@ -12,7 +12,7 @@ from deeptruck_core.constants import AIR_DENSITY
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.fit_result import Errors
-from deeptruck_model.mismatch.correction.model import Correction
+from deeptruck_model.mismatch.correction.from_draws import Correction
 from deeptruck_model.mismatch.correction.validate import _better, _falls, _log_ratio, at_high_speed, validate
 from deeptruck_model.mismatch.folders import CORRECTION
 from deeptruck_model.mismatch.mechanisms import variant

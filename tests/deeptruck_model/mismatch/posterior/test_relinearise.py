@@ -5,16 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-import numpy as np
 import pytest
-from small_drives import TRUCK, LazyBrake, sensed
-from small_drives import drives as small_drives
+from small_drives import TRUCK, sensed
 
-from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.relinearise import (
-    _About,
-    about_the_mean,
     at_fitted_parameters,
     refitted,
 )
@@ -25,7 +20,6 @@ from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.trucks import driving_cycles
 
 MASS = TRUCK.parameters()["mass"]
-LATE = TRUCK.with_forces([], [LazyBrake()])
 
 
 @cache
@@ -71,20 +65,3 @@ def test_a_parameter_that_is_not_free_stays_where_it_is() -> None:
     drives, e = gathered(1.4, 1.4, 1.4)
     search, _ = refitted(TRUCK, drives, e, 0, frozenset(["torque_gain", "brake_gain"]), lambda step: None)
     assert search.e.moved.keys() <= {"torque_gain", "brake_gain"} and search.e.moved
-
-
-def test_what_compensated_a_late_brake_is_undone_once_that_has_a_name() -> None:
-    """Beside a lag the draws have the given parameters in the mean, wherever they were linearised; then the
-    simulator is driven as given, and with the lag itself."""
-    drives = prepare_drives(TRUCK, small_drives(LATE, 4), [], Rules())
-    given = gather(TRUCK, drives.prepared, drives.held_out)
-    weaker = _About(TRUCK, drives, given, 0, lambda step: None).at({"brake_gain": -0.1})
-    p = posterior(Regression(weaker.to_fit()), sweeps=30)
-    assert p.probability("brake_lag") > 0.9
-    e = about_the_mean(TRUCK, drives, given, p, {})
-    assert e.moved == {}
-    late = e.rerun("lag_brake", 0.6)
-    left = (e.residual - late)[e.valid]
-    assert np.std(left) < 0.5 * np.std(e.residual[e.valid])
-    assert abs(left @ late[e.valid]) < 0.05 * late[e.valid] @ late[e.valid]
-    assert e.rerun("lag_brake", 0.6) is late  # which is not driven again

@@ -167,10 +167,7 @@ def test_the_parts_of_the_correction_are_said_and_whether_the_name_above_is_one(
         corrected_parameters={"mass": 0.32, "drag_area": 0.001}, corrected_forces=force,
     )  # fmt: skip
     v = Verdict(Conclusion.PHYSICS, (PAYLOAD,), fit=fit)
-    parts = (
-        "The correction contains, fitted to these drives: mass +32 %; headwind mean -310 N while it acts, "
-        "80 % of the time."
-    )
+    parts = "The correction contains: mass +32 %; headwind mean -310 N while it acts, 80 % of the time."
     first, *said = lines.lines(v)
     assert first.startswith("Payload change is missing") and said[0] == parts
     assert said[1].startswith("It does not contain payload change, which the first line names")

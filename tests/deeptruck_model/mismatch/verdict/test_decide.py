@@ -68,14 +68,13 @@ def test_a_learned_simulator_may_be_off_by_a_little_more_than_on_its_own_recordi
     assert decide.tolerance(reference_error, RULES) == pytest.approx(expected)
 
 
-def test_of_refits_that_are_as_good_the_one_with_fewer_parameters_is_offered() -> None:
-    both = replace(
-        OFF, better=frozenset({REFIT, CORRECTION}), parameters_only=0.097, corrected=0.1, beyond_refit=False
-    )
-    for fewer, expected in ((False, REFIT), (True, CORRECTION)):
-        assert decide.offered(replace(both, fewer=fewer), Conclusion.PARAMETER, RULES) == expected
-    worse = replace(both, fewer=True, corrected=0.2)
-    assert decide.offered(worse, Conclusion.PARAMETER, RULES) == REFIT
+def test_refitted_parameters_are_offered_only_where_the_correction_has_no_name() -> None:
+    """What is offered is what is stated, although all parameters refitted alone are nearer."""
+    both = replace(OFF, better=frozenset({REFIT, CORRECTION}), parameters_only=0.05, corrected=0.1)
+    for named, expected in ((False, REFIT), (True, CORRECTION)):
+        assert decide.offered(replace(both, named=named), Conclusion.PARAMETER, RULES) == expected
+    alone = replace(both, named=True, better=frozenset({REFIT}))
+    assert decide.offered(alone, Conclusion.PARAMETER, RULES) == AS_GIVEN
 
 
 def lights(numbers: Numbers) -> dict[str, tuple[Answer, str]]:
@@ -187,9 +186,8 @@ JUST = replace(RIGHT, given=0.25, parameters_only=0.25 - RULES.drift, corrected=
             CORRECTION,
         ),
         (PHYSICS, AS_GIVEN, AS_GIVEN),
-        (replace(PHYSICS, corrected=0.2, parameters_only=0.19), CORRECTION, AS_GIVEN),  # refit is better
+        (replace(PHYSICS, corrected=0.2, parameters_only=0.19, named=True), CORRECTION, CORRECTION),
         (replace(PHYSICS, corrected=0.2, bare=0.6), CORRECTION, AS_GIVEN),  # worse where a signal lacks
-        (replace(PHYSICS, corrected=0.2, beyond_refit=False), CORRECTION, CORRECTION),
     ],
 )
 def test_the_best_is_offered_whatever_its_name(numbers: Numbers, offer: str, expected: str) -> None:
@@ -197,13 +195,6 @@ def test_the_best_is_offered_whatever_its_name(numbers: Numbers, offer: str, exp
     kind = decide.conclusion(n, RULES)
     assert decide.offered(n, kind, RULES) == expected
     assert (decide.advice(n, kind, RULES)["apply"].answer is Answer.YES) is (expected != AS_GIVEN)
-
-
-def test_of_two_that_are_equally_good_the_refit_is_offered() -> None:
-    both = frozenset({REFIT, CORRECTION})
-    n = replace(PHYSICS, parameters_only=0.21, corrected=0.2, better=both)
-    assert decide.offered(n, Conclusion.PHYSICS, RULES) == CORRECTION
-    assert decide.offered(replace(n, beyond_refit=False), Conclusion.PHYSICS, RULES) == REFIT
 
 
 @pytest.fixture(params=["lazy_brake", "right_truck", "dragging_brake", "heavier_truck"])
@@ -256,3 +247,22 @@ def test_no_finding_that_is_stated_has_an_interval_that_holds_zero(verdict: Verd
         if f.probability >= Rules().stated:
             sizes = [x for x in f.parameters.values() if not x.drive]
             assert all(x.ci95 is None or x.ci95[0] * x.ci95[1] > 0.0 for x in sizes)
+
+
+def test_findings_their_forces_and_the_correction_are_one_answer(verdict: Verdict) -> None:
+    """What is stated is in the corrected simulator with the size of its finding, and no parameter is changed
+    that no finding names."""
+    fit = verdict.fit
+    assert fit is not None
+    stated = {f.effect: f for f in verdict.findings if f.kind is not Kind.SENSOR and f.stated == f.effect}
+    if fit.offered == CORRECTION:
+        assert stated.keys() <= {*fit.corrected}
+    for name, force in fit.corrected_forces.items():
+        if name in stated:
+            strength = stated[name].strength
+            assert strength is not None and force.value == pytest.approx(strength.value)
+    for name, change in fit.corrected_parameters.items():
+        (finding,) = (f for f in verdict.findings if f.effect == name)
+        error = finding.parameters["relative_error"]
+        assert error.value == pytest.approx(change, abs=1e-3)
+        assert error.ci95 is not None and error.ci95[0] * error.ci95[1] > 0.0

@@ -12,8 +12,7 @@ from scipy.signal import lfilter
 from small_drives import FORCES, N, evidence, posterior_of, regression
 
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
-from deeptruck_model.mismatch.correction.forms import simplest_terms
-from deeptruck_model.mismatch.correction.model import Correction
+from deeptruck_model.mismatch.correction.from_draws import Correction, simplest_terms
 from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, PLACE, SLOW, UNKNOWN
 from deeptruck_model.mismatch.posterior.budget import budget
 from deeptruck_model.mismatch.posterior.names import Compared, Named, Tree, names
@@ -85,19 +84,6 @@ def test_the_cause_of_events_stands_beside_what_lasts() -> None:
     (own,) = (f for f in both if f.effect == "wheel_slip")
     assert own.in_drives == ("b",)
     assert own.strength is not None and own.strength.share_of_time < 0.05
-
-
-@pytest.mark.parametrize(("error", "is_named"), [(0.5 * RULES.visible, False), (1.0, True)])
-def test_a_first_name_that_no_other_drive_needs_is_named_only_where_something_is_missing(
-    error: float, is_named: bool
-) -> None:
-    c = compared(SLOW)
-    slip = Named("wheel_slip", Tree({"wheel_slip": 0.95}), 50.0, 0.1 * FORCES[SLOW])
-    own = replace(c, names=replace(c.names, found=(slip,)))
-    all_of_it = findings(
-        own, replace(NOTHING, needless=frozenset(["wheel_slip"])), None, error, RULES.visible
-    )
-    assert ("wheel_slip" in {f.effect for f in all_of_it}) is is_named
 
 
 def test_a_road_that_was_recovered_is_the_one_finding_of_its_name() -> None:
@@ -172,11 +158,11 @@ def test_what_changes_within_seconds_is_said_as_such() -> None:
 def test_names_that_these_drives_do_not_distinguish_have_the_size_that_each_needs() -> None:
     """A rolling resistance of 0.1 m/s^2 at 20 m/s, where the mechanism has 0.03 as a rule."""
     p = posterior(regression(evidence(-0.1 * evidence()["speed"] / 20.0)), sweeps=40)
-    c, e = _compared(p), p.regression.e
+    c = _compared(p)
     name = "rolling_resistance_speed"
     given = p.inside(name)
-    terms = [t for t in simplest_terms(p, e) if t.mechanism.effect == name]
-    correction = replace(NOTHING, terms=terms)
+    terms = [t for t in simplest_terms(p) if t.mechanism.effect == name]
+    correction = replace(NOTHING, terms=tuple(terms))
     named = Named(name, Tree({name: 0.5, "drag_area": 0.4}), 10.0, p.force(name, given), given=given)
     f = _finding(c, named, Kind.PHYSICS, "resistance grows with speed", named.force)
     own, other = _alternatives(c, correction, f, named)

@@ -45,7 +45,7 @@ def test_no_newtons_without_a_mass() -> None:
 
 def test_a_fit_is_read_as_it_was_written() -> None:
     fit = FitResult(
-        ("a",), 40.0, 3, ("headwind",), output_error=True,
+        ("a",), 40.0, 3, ("headwind",),
         without_exogenous=WithoutExogenous(("gap",), 0.3), offered="as_given",
         refit={"mass": Refitted(0.1, (0.05, 0.15), 11000.0, "kg", (10500.0, 11500.0))},
     )  # fmt: skip

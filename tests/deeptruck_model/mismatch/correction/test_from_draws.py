@@ -1,4 +1,4 @@
-"""Few forms that stand for a mean force."""
+"""Forms that stand for forces of the draws."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from small_drives import N, evidence, posterior_of, regression
 
-from deeptruck_model.mismatch.correction.forms import (
+from deeptruck_model.mismatch.correction.from_draws import (
     _forms,
+    _nameless,
     _options,
     _simplest,
-    named_forces,
-    nameless_terms,
+    _stated,
     simplest_terms,
 )
-from deeptruck_model.mismatch.mechanisms import LIBRARY, build
+from deeptruck_model.mismatch.mechanisms import LIBRARY, build, candidate_term
 from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Where
 from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, kernels
 from deeptruck_model.mismatch.posterior.names import names
@@ -42,8 +42,8 @@ def test_whatever_may_be_in_has_a_term_and_noise_has_none() -> None:
     quiet = posterior_of("none")
     lost = evidence(-0.3 * np.maximum(e["engine"], 0.0) * (e["speed"] > 18.0))
     loud = posterior(regression(lost), sweeps=40)
-    assert len(simplest_terms(quiet, quiet.regression.e)) <= 1
-    assert simplest_terms(loud, loud.regression.e)
+    assert len(simplest_terms(quiet)) <= 1
+    assert simplest_terms(loud)
 
 
 def test_a_force_without_a_name_is_corrected_by_forms_of_any_mechanism() -> None:
@@ -52,10 +52,11 @@ def test_a_force_without_a_name_is_corrected_by_forms_of_any_mechanism() -> None
     force = features @ np.random.default_rng(1).standard_normal(features.shape[1])
     force *= 0.3 / force.std()
     p = posterior(regression(evidence(force)), sweeps=80)
-    assert p.probability(UNKNOWN) == 1.0 and not simplest_terms(p, p.regression.e)
-    terms = nameless_terms(p, set(), p.regression.e)
-    assert terms and all(t.general for t in terms)
-    columns = np.concatenate([np.nan_to_num(t.columns) for t in terms], axis=1)[p.regression.rows]
+    assert p.probability(UNKNOWN) == 1.0 and not simplest_terms(p)
+    parts = _nameless(p, np.ones(len(p.draws.states), dtype=bool), set())
+    assert parts and not any(part.paths for part in parts)
+    terms = [candidate_term(part.mechanism, part.variant, p.regression.e) for part in parts]
+    columns = np.concatenate([t.columns for t in terms], axis=1)[p.regression.rows]
     left = (
         force[p.regression.rows] - columns @ np.linalg.lstsq(columns, force[p.regression.rows], rcond=None)[0]
     )
@@ -84,11 +85,10 @@ def test_a_name_is_corrected_by_the_force_that_its_draws_have() -> None:
     force = -0.3 * np.maximum(e["engine"], 0.0) * (e["speed"] > 20.0)
     p = posterior(Regression(evidence(force), exclude=set(LIBRARY) - {"driveline_loss"}), sweeps=40)
     (found,) = (f for f in names(p).found if f.name == "driveline_loss")
-    named = named_forces(p, [found], p.regression.e)["driveline_loss"]
-    drawn = np.nan_to_num(named.term.columns) @ named.term.prior.mean
-    assert np.corrcoef(drawn, force)[0, 1] > 0.9
-    assert named.factor(2.0 * named.term.prior.mean) == pytest.approx(2.0)
-    assert named_forces(p, [replace(found, accepted=False)], p.regression.e) == {}
-    assert "driveline_loss" not in {
-        t.mechanism.effect for t in nameless_terms(p, {"driveline_loss"}, p.regression.e)
-    }
+    free, (part,) = _stated(p, [found])
+    assert free == [] and part.mechanism.effect == "driveline_loss"
+    assert np.corrcoef(part.force(p.regression.e), force)[0, 1] > 0.9
+    assert _stated(p, [replace(found, accepted=False)]) == ([], [])
+    given = np.ones(len(p.draws.states), dtype=bool)
+    others = _nameless(p, given, {"driveline_loss"})
+    assert "driveline_loss" not in {part.mechanism.effect for part in others}
