@@ -207,7 +207,7 @@ MODEL = (  # the rooms of docs/architecture.md: a row imports from itself and th
 MISMATCH = (  # the rooms of docs/mismatch_method.md, each of which makes one value of what is above it
     ("mismatch.rules", "mismatch.folders"),
     ("mismatch.prepare",),
-    ("mismatch.residual", "mismatch.slopes"),
+    ("mismatch.residual",),
     ("mismatch.expression",),
     ("mismatch.mechanisms",),
     ("mismatch.posterior",),

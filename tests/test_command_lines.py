@@ -142,6 +142,7 @@ def test_wrong_and_half_arguments_are_refused(
     ("program", "name", "to"),
     [
         ("deeptruck-model", "adapt", "'mismatch' on the bag of the drive"),
+        ("deeptruck-model", "road", "'import', which derives a grade"),
         ("deeptruck-model", "compare", "'Where it is off' in the report of 'mismatch'"),
         ("deeptruck-model", "experiment", "python benchmarks/paper/run.py"),
         ("deeptruck-model", "sweep", "'deeptruck-model fleet train TRUCK --seeds N'"),
@@ -183,7 +184,6 @@ REFUSED = {  # modules that must not be loaded, and what is said without them
             "deeptruck-model --help",
             "deeptruck-model mismatch --simulator truck:trucksim --recordings nowhere --out found",
             "deeptruck-model apply nowhere --out better",
-            "deeptruck-model road found nowhere --out with_road",
             "deeptruck-model evaluate truck:trucksim nowhere --out evaluation",
             "deeptruck-model coverage nowhere --out coverage",
             "deeptruck-model train bag --topic-map none.yaml --out sim",

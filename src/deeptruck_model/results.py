@@ -17,7 +17,6 @@ EVALUATION = Result("an evaluation")
 COVERAGE = Result("a coverage")
 BAG = Result("an imported bag")
 WRITTEN_BAG = Result("a written bag")  # by a program that calls `write_bag`
-BAG_WITH_ROAD = Result("a bag with a recovered slope")
 FOUND = Result("a mismatch result")
 
 

@@ -23,7 +23,7 @@ from examples.demo import drives, real
 RESUMABLE = (results.DEEP_TRUCK, POLICY)
 AT_ONCE = (
     results.PHYSICS_TRUCK, results.EVALUATION, results.COVERAGE, results.BAG, results.WRITTEN_BAG,
-    results.BAG_WITH_ROAD, results.CALIBRATED,
+    results.CALIBRATED,
     results.FOUND, folders.APPLIED, output.EVALUATION, drives.DRIVES, real.DRIVES,
 )  # fmt: skip
 RECORDED = bag_place.BAG

@@ -31,7 +31,6 @@ FOLDERS = (
     "deeptruck-model calibrate none none --out out",
     "deeptruck-model mismatch --simulator truck:trucksim --recordings none --out out",
     "deeptruck-model apply none --out out",
-    "deeptruck-model road none none --out out",
     "deeptruck-cacc train --simulator truck:trucksim --out out",
     "deeptruck-cacc evaluate baseline:cacc --simulator truck:trucksim --out out",
 )
@@ -44,7 +43,6 @@ INSIDE = (
     "deeptruck-model mismatch --simulator truck:trucksim --recordings bag --out bag/out",
     "deeptruck-model fleet train bag --out bag/out",
     "deeptruck-model apply bag --out bag/out",
-    "deeptruck-model road found bag --out bag/out",
     "deeptruck-cacc train --simulator bag --out bag/out",
     "deeptruck-cacc evaluate bag --simulator truck:trucksim --out bag/out",
     "deeptruck-model prove --real bag --out bag/out",

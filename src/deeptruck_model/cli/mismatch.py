@@ -1,4 +1,4 @@
-"""`deeptruck-model mismatch`, `apply`, `road` and `prove`."""
+"""`deeptruck-model mismatch`, `apply` and `prove`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from deeptruck_model.cli.inputs import (
     show_accounts,
 )
 from deeptruck_model.mismatch import folders
-from deeptruck_model.results import BAG_WITH_ROAD, FOUND, apart
+from deeptruck_model.results import FOUND, apart
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
@@ -72,13 +72,6 @@ def mismatch(
     ] = None,
     units: Units = "m/s",
     overwrite: Overwrite = False,
-    serve: Annotated[
-        bool,
-        typer.Option(
-            "--serve",
-            hidden=True,
-        ),
-    ] = False,
 ) -> None:
     """Find what a simulator leaves out when recordings differ from it.
 
@@ -88,7 +81,6 @@ def mismatch(
     left_out = _spans(without or [])
     FOUND.check(out, overwrite=overwrite)
     apart(out, Path(simulator), *recordings, *held_out)
-    _gone("--serve", "leave rows out by --without, which the report prints", serve)
     checks.mass(mass_kg)
     speed_unit(units)
     _check_excluded(exclude or [])
@@ -201,50 +193,6 @@ def apply(
         print(f"note: the report does not advise it: {advice.reason}", file=sys.stderr)
 
 
-def road(
-    directory: Annotated[
-        Path, typer.Argument(help="Folder that 'mismatch' wrote, or roads.csv that 'fleet roads' wrote.")
-    ],
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(help="Bags without a grade: those it was run on, or any on the roads of a fleet."),
-    ],
-    out: Annotated[Path, typer.Option(help="New bag.")],
-    other: Annotated[
-        Path | None,
-        typer.Option(hidden=True),
-    ] = None,
-    topic_map: TopicMap = None,
-    clock: ClockOption = None,
-    msg: MessageFiles = None,
-    overwrite: Overwrite = False,
-) -> None:
-    """Write recordings with the recovered slope as their grade, to train a truck on them.
-
-    Example: deeptruck-model road found a b c --out with_road
-    Example: deeptruck-model road result/roads.csv a b c --out with_road
-    """
-    BAG_WITH_ROAD.check(out, overwrite=overwrite)
-    apart(out, directory, *recordings)
-    _gone("--other", "use 'deeptruck-model fleet roads', which merges shared roads", other)
-    from deeptruck_model import recordings as rec
-    from deeptruck_model.mismatch.slopes import Roads, SharedRoads, with_road
-
-    read = rec.read_all(recordings, topic_map=topic_map, clock=clock, msg=msg or ())
-    roads = SharedRoads.read(directory) if directory.is_file() else Roads.read(directory)
-    made, left_out = with_road(roads, read)
-    rec.write_bag(out, made, interface=made[0].interface, overwrite=overwrite, kind=BAG_WITH_ROAD)
-    print(f"{len(made)} recording{'s' * (len(made) != 1)} with a grade in {out}")
-    if left_out:
-        print(f"  note: left out, as no slope was found for them: {', '.join(left_out)}")
-
-
-def _gone(option: str, instead: str, given: object) -> None:
-    """Raises InputError if an option is given that was removed."""
-    if given:
-        raise InputError(f"{option} was removed: {instead}")
-
-
 LEVEL_CASES, PLANT_CASES = 40, 5
 
 
@@ -312,11 +260,11 @@ def register(app: typer.Typer) -> None:
     """Add this room's commands to the console script."""
     app.command()(mismatch)
     app.command()(apply)
-    app.command()(road)
     app.command()(prove)
     console.moved(
         app, "adapt", "'mismatch' on the bag of the drive: the report gives the mass to set for each drive"
     )
+    console.moved(app, "road", "'import', which derives a grade from an accelerometer or an elevation")
     console.moved(
         app, "compare", "'Where it is off' in the report of 'mismatch'; for bags PlotJuggler or Foxglove"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -72,23 +71,6 @@ def read_verdict(directory: Path) -> dict[str, Any]:
     if not isinstance(verdict, dict) or not isinstance(verdict.get("fit"), dict):
         raise InputError(f"{directory / 'verdict.json'} is damaged; run 'deeptruck-model mismatch' again")
     return verdict
-
-
-def check_road(directory: Path) -> None:
-    """Raises InputError if a result holds no recovered slope."""
-    _check_there(directory)
-    try:
-        with (directory / "profiles.csv").open(newline="") as file:
-            found = any(row["name"] == PROFILE for row in csv.DictReader(file))
-    except FileNotFoundError:
-        said = read_verdict(directory).get("verdict")
-        raise InputError(
-            f"{directory} has no profiles, its verdict is '{said}'; see its report.html"
-        ) from None
-    except (OSError, KeyError, ValueError, csv.Error):
-        raise InputError(f"{directory} has no readable profiles.csv; {FIND_FIRST}") from None
-    if not found:
-        raise InputError(f"in {directory} no {PROFILE} was found, so that there is no slope to take over")
 
 
 def _check_there(directory: Path) -> None:

@@ -190,8 +190,6 @@ class Limits:
         "of the fast changes that the engine's force of a plain truck must explain")
     position_agrees: float = _rule(0.5, "1", CHOSEN,
         "of the distance driven, or its inverse, that recorded positions must give")
-    least_road_km: float = _rule(0.5, "km", CHOSEN, "of a recording on a known road, below which it has none")
-    least_road_s: int = _rule(10, "s", CHOSEN, "of a recording with a slope, below which it has no road")
     driven_again: float = _rule(0.3, "1", CHOSEN,
         "of the way that must be driven again, for what is there to be position-dependent")
     times_driven: float = _rule(1.5, "1", CHOSEN,

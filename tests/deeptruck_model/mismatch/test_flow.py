@@ -15,7 +15,7 @@ from small_drives import TRUCK, LazyBrake, drives
 from deeptruck_core.errors import InputError
 from deeptruck_model import mismatch
 from deeptruck_model.mismatch import Mismatch, find_mismatch
-from deeptruck_model.mismatch.folders import APPLIED, applicable, check_road
+from deeptruck_model.mismatch.folders import APPLIED, applicable
 from deeptruck_model.mismatch.prepare.drives import LEFT_OUT
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.results import FOUND
@@ -133,6 +133,5 @@ def test_one_kind_of_result_does_not_replace_another(tmp_path: Path) -> None:
 
 
 def test_what_is_not_there_is_to_be_found_first(tmp_path: Path) -> None:
-    for check in (applicable, check_road):
-        with pytest.raises(InputError, match="nowhere does not exist; run 'deeptruck-model mismatch' first"):
-            check(tmp_path / "nowhere")
+    with pytest.raises(InputError, match="nowhere does not exist; run 'deeptruck-model mismatch' first"):
+        applicable(tmp_path / "nowhere")

@@ -83,21 +83,6 @@ def _positions(p: Prepared) -> bool:
     return all(np.isfinite(channels.get(name, np.nan)).any() for name in ("latitude", "longitude"))
 
 
-def headed(p: Prepared) -> Array | None:
-    """Latitude, longitude and heading (clockwise from north), degrees, every STEP_M of a drive (k, 3); None
-    without positions, or if their length differs from the distance driven."""
-    if not _positions(p):
-        return None
-    about = _position(p)
-    way = _way(p, about)
-    if not _as_driven(way):
-        return None
-    (latitude, longitude), (east_m, north_m) = about, metres_per_degree(about[0])
-    north = latitude + way[:, 1] / north_m
-    east = (longitude + way[:, 0] / east_m + 180.0) % 360.0 - 180.0
-    return np.stack([north, east, np.degrees(np.arctan2(way[:, 2], way[:, 3])) % 360.0], axis=1)
-
-
 def _position(p: Prepared) -> tuple[float, float]:
     """The first latitude and longitude of a drive, degrees."""
     first = (p.recording.channels[name] for name in ("latitude", "longitude"))
