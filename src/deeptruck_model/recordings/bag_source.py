@@ -206,7 +206,7 @@ class BagSource:
                 yield record.name, record.metadata
 
     def batches(self, topics: set[str]) -> Iterator[Batch]:
-        """All messages of the topics, approximately in the order of their log times (see Batch.safe_ns)."""
+        """All messages of the topics, in any order."""
         try:
             chunks = None
             if self._mcap_files and not self._packs_messages:
@@ -256,22 +256,19 @@ class BagSource:
 
     def _one_by_one(self, topics: set[str]) -> Iterator[Batch]:
         held: dict[str, list[tuple[int, bytes]]] = {}
-        count = safe_ns = 0
-        for topic, log_ns, data in self.messages(topics):
-            safe_ns = safe_ns if count else log_ns
+        for count, (topic, log_ns, data) in enumerate(self.messages(topics), 1):
             held.setdefault(topic, []).append((log_ns, data))
-            count += 1
-            if count == _BATCH:
-                yield from (_joined(topic, messages, safe_ns) for topic, messages in held.items())
-                held, count = {}, 0
-        yield from (_joined(topic, messages, safe_ns) for topic, messages in held.items())
+            if count % _BATCH == 0:
+                yield from (_joined(topic, messages) for topic, messages in held.items())
+                held = {}
+        yield from (_joined(topic, messages) for topic, messages in held.items())
 
 
-def _joined(topic: str, messages: list[tuple[int, bytes]], safe_ns: int) -> Batch:
+def _joined(topic: str, messages: list[tuple[int, bytes]]) -> Batch:
     sizes = np.array([len(data) for _, data in messages], dtype=np.int64)
     buffer = np.frombuffer(b"".join(data for _, data in messages), np.uint8)
     log_ns = np.array([stamp for stamp, _ in messages], dtype=np.int64)
-    return Batch(topic, buffer, np.cumsum(sizes) - sizes, sizes, log_ns, safe_ns)
+    return Batch(topic, buffer, np.cumsum(sizes) - sizes, sizes, log_ns)
 
 
 def _from_json(path: Path, key: str, text: Any) -> Any:

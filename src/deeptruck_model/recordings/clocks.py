@@ -22,27 +22,13 @@ _SIMULATED_NS = 10**17  # stamps before 1973 are no dates
 _LOG_RUNS = 0.1  # of the stamps' own span: messages logged in less were not logged as they came
 
 
+@dataclass(frozen=True)
 class TopicClock:
-    """The first stamp and log time of a topic's messages in each second of log time."""
+    """Log times, ascending, of a topic's first message in each second, and its stamp, in ns (n,)."""
 
-    def __init__(self) -> None:
-        self.stamped = False
-        self._log_ns: list[Index] = []
-        self._stamps: list[Index] = []
-
-    def put(self, stamps: Index, log_ns: Index, stamped: bool) -> None:
-        """Add messages as logged: stamps and log times (n,) in ns; without headers both are the same."""
-        seconds = log_ns // 1_000_000_000
-        first = np.flatnonzero(np.diff(seconds, prepend=seconds[0] - 1))
-        self._log_ns.append(log_ns[first])
-        self._stamps.append(stamps[first])
-        self.stamped = stamped
-
-    def times(self) -> tuple[Index, Index]:
-        """Log times, ascending, and the stamps at these times, in ns (n,)."""
-        log_ns, stamps = np.concatenate(self._log_ns), np.concatenate(self._stamps)
-        order = np.argsort(log_ns, kind="stable")
-        return log_ns[order], stamps[order]
+    log_ns: Index
+    stamps: Index
+    stamped: bool
 
 
 class Clocks:
@@ -53,9 +39,11 @@ class Clocks:
         self._topics: dict[str, TopicClock] = {}
 
     def timed(self, topic: str, stamps: Index, log_ns: Index, stamped: bool) -> Index:
-        """The times (n,) in ns of messages as logged, from their stamps and log times. Of a topic without
-        stamps the log times are passed as stamps."""
-        self._topics.setdefault(topic, TopicClock()).put(stamps, log_ns, stamped)
+        """The times (n,) in ns of messages in the order of their log times, from their stamps and log times.
+        Of a topic without stamps the log times are passed as stamps."""
+        seconds = log_ns // 1_000_000_000
+        first = np.flatnonzero(np.diff(seconds, prepend=seconds[0] - 1))
+        self._topics[topic] = TopicClock(log_ns[first], stamps[first], stamped)
         return log_ns if self.clock == "log" else stamps
 
     def remarks(self, bag: Path, reference: str) -> list[str]:
@@ -89,7 +77,7 @@ class Clocks:
         """
         if reference not in self._topics:
             return ""
-        times = {topic: clock.times() for topic, clock in self._topics.items()}
+        times = {topic: (clock.log_ns, clock.stamps) for topic, clock in self._topics.items()}
         log, stamps = times[reference]
         at_once = np.ptp(log) < _LOG_RUNS * np.ptp(stamps) and self._topics[reference].stamped
         apart_s = 0.0
@@ -124,58 +112,28 @@ def _size(seconds: float) -> str:
 
 
 @dataclass(frozen=True)
-class Part:
-    """Samples in the order of their stamps: stamps (n,) in ns, columns each (n,); and the stamps of messages
-    omitted because a later message has the same stamp."""
+class InOrder:
+    """Samples in the order of their stamps: stamps (n,) in ns, columns each (n,); the stamps of messages
+    left out because a later message has the same stamp; and how many were put back in order."""
 
     stamps: Index
     columns: list[Array]
     doubled: Index
+    swapped: int
 
 
-class Queue:
-    """Sorts stamped samples as they arrive; of equal stamps the last is used."""
-
-    def __init__(self, topic: str, path: Path) -> None:
-        self.topic, self.path = topic, path
-        self.waiting = 0
-        self._parts: list[tuple[Index, list[Array]]] = []
-        self._latest = -(2**63)
-        self._count = self._swapped = 0
-
-    def put(self, stamps: Index, columns: list[Array]) -> None:
-        """Add samples as logged: stamps (n,) in ns, columns each (n,). Raises InputError if time goes
-        back."""
-        latest = np.maximum.accumulate(np.maximum(stamps, self._latest))
-        back = latest - stamps
-        if int(back.max()) > REORDER_NS:
-            at = int(np.argmax(back > REORDER_NS))
-            raise InputError(
-                f"{self.path}: time goes back by {back[at] / 1e9:.3g} s on {self.topic} "
-                f"(message {self._count + at}): its clock was set back, a stamp is wrong, or the bag holds "
-                "two runs; '--clock log' times the messages by when they were recorded"
-            )
-        self._swapped += int((back > 0).sum())
-        self._latest = int(latest[-1])
-        self._count += len(stamps)
-        self.waiting += len(stamps)
-        self._parts.append((stamps, columns))
-
-    def take(self, until: int | None) -> Part:
-        """Sorted samples stamped before `until` (None: all), which must lie REORDER_NS in the past."""
-        if not self._parts:
-            return Part(np.zeros(0, np.int64), [], np.zeros(0, np.int64))
-        stamps = np.concatenate([s for s, _ in self._parts])
-        columns = [np.concatenate(c) for c in zip(*(c for _, c in self._parts), strict=True)]
-        order = np.argsort(stamps, kind="stable")
-        stop = len(order) if until is None else int(np.searchsorted(stamps[order], until))
-        now, later = order[:stop], order[stop:]
-        unique = np.append(np.diff(stamps[now]) > 0, True)[: len(now)]
-        doubled, now = stamps[now[~unique]], now[unique]
-        self._parts = [(stamps[later], [c[later] for c in columns])] if len(later) else []
-        self.waiting = len(later)
-        return Part(stamps[now], [c[now] for c in columns], doubled)
-
-    def notes(self) -> list[str]:
-        """The corrections that were made."""
-        return [f"{self._swapped} messages on {self.topic} put back in order"] if self._swapped else []
+def in_order(topic: str, path: Path, stamps: Index, columns: list[Array]) -> InOrder:
+    """Samples as logged, stamps (n,) in ns and columns each (n,), in the order of their stamps; of equal
+    stamps the last is used. Raises InputError if time goes back by more than REORDER_NS."""
+    back = np.maximum.accumulate(stamps) - stamps
+    if int(back.max(initial=0)) > REORDER_NS:
+        at = int(np.argmax(back > REORDER_NS))
+        raise InputError(
+            f"{path}: time goes back by {back[at] / 1e9:.3g} s on {topic} (message {at}): its clock was set "
+            "back, a stamp is wrong, or the bag holds two runs; '--clock log' times the messages by when "
+            "they were recorded"
+        )
+    order = np.argsort(stamps, kind="stable")
+    last = np.append(np.diff(stamps[order]) > 0, True)[: len(order)]
+    kept = order[last]
+    return InOrder(stamps[kept], [c[kept] for c in columns], stamps[order[~last]], int((back > 0).sum()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import get_args
@@ -13,24 +13,23 @@ from numpy.typing import NDArray
 
 from deeptruck_core import reading
 from deeptruck_core.account import Account, moment
-from deeptruck_core.arrays import Array, Mask
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 from deeptruck_model.checks import Clock, calls
 from deeptruck_model.recordings.bag_source import EXTRA_KEY, INTERFACE_KEY, NOTES_KEY, BagSource
-from deeptruck_model.recordings.clocks import REORDER_NS, Clocks, Part, Queue
+from deeptruck_model.recordings.clocks import Clocks, InOrder, in_order
 from deeptruck_model.recordings.interpolate import Series
 from deeptruck_model.recordings.layout import Columns, Walker
 from deeptruck_model.recordings.obeyed import Obedience, no_load, with_engaged
 from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
-from deeptruck_model.recordings.resample import MARGIN_S, Resampler
+from deeptruck_model.recordings.resample import Resampled
 from deeptruck_model.recordings.schemas import DRIVEN_BY
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, EXTRA_TOPIC, Source, TopicMap, load, stated
 
 Index = NDArray[np.int64]
 
 SIDEWAYS = 1.0  # m/s, rms: what moves so across its axis is written in another frame than the truck's
-_DRAIN = 200_000  # messages that may wait before they are resampled
 _NO_NUMBER = "without a number in"
 POSE = ("pose.pose.position.x", "pose.pose.position.y")  # of an odometry, beside its twist
 _LISTED = 3  # fields that a reason names
@@ -106,24 +105,26 @@ def _read(
             command: _command_unit(sources, command, known.unit(command) if known else None) or ""
             for command in ("engine_command", "brake_command")
         }
-        resampler = Resampler(name, rate_hz=rate_hz, account=account, units=units)
         sources = with_engaged(sources)
         obedience = Obedience(sources, account, no_load=no_load(bag))
-        _feed(bag, sources, resampler, clocks, obedience, account)
+        samples = _samples(bag, sources, clocks, obedience, account)
+        resampled = Resampled(
+            name, samples.series, rate_hz=rate_hz, account=account, units=units, poses=samples.poses
+        )
         account.remarks += obedience.remarks()
         account.remarks += clocks.remarks(path, sources["speed"].topic)
         notes = [*_texts(stored, NOTES_KEY), *_repairs(account)]
         account.remarks += bag.not_mapped({source.topic for source in sources.values()})
-    if "speed" not in resampler.measured:
+    if "speed" not in resampled.measured:
         raise InputError(
             f"{path} has no speed on {sources['speed'].topic}, only other messages; see with 'ros2 topic hz' "
             "whether it is published, or name yours in a topic map"
         )
     if interface is None:
-        interface = _interface(name, stored, sources, resampler.measured)
+        interface = _interface(name, stored, sources, resampled.measured)
     # bags of ours that a table was imported into before 'specific_force' may call it acceleration
     ours = not asked and not any(note.startswith(TABLE_NOTE) for note in notes)
-    return [replace(r, obeyed=obedience.known) for r in resampler.finish(interface, notes, ours=ours)]
+    return [replace(r, obeyed=obedience.known) for r in resampled.recordings(interface, notes, ours=ours)]
 
 
 def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> None:
@@ -150,15 +151,18 @@ def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> No
                     )
 
 
-def _feed(
-    bag: BagSource,
-    sources: dict[str, Source],
-    resampler: Resampler,
-    clocks: Clocks,
-    obedience: Obedience,
-    account: Account,
-) -> None:
-    """Pass every channel to the resampler, in s since the bag's first used sample; count the messages."""
+@dataclass(frozen=True)
+class _Samples:
+    """What messages hold, in s since the bag's first used one: channels, and poses as (time, x, y)."""
+
+    series: dict[str, Series]
+    poses: list[tuple[Array, Array, Array]]
+
+
+def _samples(
+    bag: BagSource, sources: dict[str, Source], clocks: Clocks, obedience: Obedience, account: Account
+) -> _Samples:
+    """The samples of every channel, and their messages counted."""
     topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1, bag=str(bag.path))
     by_topic: dict[str, list[str]] = {}
     for channel, source in sources.items():
@@ -169,26 +173,24 @@ def _feed(
         for topic, channels in by_topic.items()
     }
     readers = {topic: Columns(walker, topics[topic], one.paths) for topic, one in vectors.items()}
-    queues = {topic: Queue(topic, bag.path) for topic in readers}
-    account.sources = dict.fromkeys(readers, 0)
-    clock_topic = sources["speed"].topic
-    drain = _Drain(queues, by_topic, sources, resampler, obedience, account)
-    horizon = -(2**63)  # speed is complete up to this stamp
-    ends: list[tuple[int, int]] = []  # log time and stamp of the last message of each speed batch
+    parts: dict[str, list[tuple[Index, Index, list[Array]]]] = {topic: [] for topic in readers}
     for batch in bag.batches(set(readers)):
-        account.sources[batch.topic] += len(batch.log_ns)
-        reader = readers[batch.topic]
-        stamps, columns = reader.read(batch.buffer, batch.starts, batch.sizes, batch.log_ns)
-        stamps = clocks.timed(batch.topic, stamps, batch.log_ns, reader.clocked)
-        queues[batch.topic].put(stamps, vectors[batch.topic].resolved(columns))
-        if batch.topic == clock_topic:
-            ends.append((int(batch.log_ns.max()), int(stamps.max())))
-        horizon = max([horizon, *(stamp for log_ns, stamp in ends if log_ns < batch.safe_ns)])
-        ends = [end for end in ends if end[0] >= batch.safe_ns]
-        if sum(queue.waiting for queue in queues.values()) > _DRAIN and horizon > -(2**63):
-            drain.until(horizon - REORDER_NS)
-    drain.until(None)
+        stamps, columns = readers[batch.topic].read(batch.buffer, batch.starts, batch.sizes, batch.log_ns)
+        parts[batch.topic].append((batch.log_ns, stamps, vectors[batch.topic].resolved(columns)))
+    account.sources = dict.fromkeys(readers, 0)
+    found: dict[str, InOrder] = {}
+    for topic, own in parts.items():
+        if not own:
+            continue
+        log_ns, stamps = (np.concatenate([part[k] for part in own]) for k in (0, 1))
+        logged = np.argsort(log_ns, kind="stable")
+        columns = [np.concatenate(column)[logged] for column in zip(*(part[2] for part in own), strict=True)]
+        times = clocks.timed(topic, stamps[logged], log_ns[logged], readers[topic].clocked)
+        found[topic] = in_order(topic, bag.path, times, columns)
+        account.sources[topic] = len(times)
+    clock_topic = sources["speed"].topic
     vectors[clock_topic].check(f"{bag.path}: {clock_topic}")
+    samples = _counted(found, by_topic, sources, account)
     for topic, count in bag.untimed.items():
         account.sources[topic] += count
         account.total.set_aside(f"on {topic} logged before 1970 or after 2116", count=count)
@@ -197,7 +199,37 @@ def _feed(
         account.total.read += count
         account.sources[topic] += count
         account.total.set_aside(f"on {topic} of type {kind}, as most there are {topics[topic]}", count=count)
-    account.remarks += [note for queue in queues.values() for note in queue.notes()]
+    swapped = ((topic, one.swapped) for topic, one in found.items() if one.swapped)
+    account.remarks += [f"{count} messages on {topic} put back in order" for topic, count in swapped]
+    return replace(samples, series=obedience.resolved(samples.series))
+
+
+def _counted(
+    found: Mapping[str, InOrder], by_topic: dict[str, list[str]], sources: dict[str, Source], account: Account
+) -> _Samples:
+    """The samples of each topic's channels, and its messages that are used, without a number or repeated."""
+    start = min((int(one.stamps[0]) for one in found.values()), default=0)
+    samples = _Samples({}, [])
+    for topic, one in found.items():
+        time = (one.stamps - start) / 1e9
+        blank = np.ones(len(time), dtype=bool)
+        if len(one.columns) > len(by_topic[topic]):
+            samples.poses.append((time, one.columns[-2], one.columns[-1]))
+        for channel, column in zip(by_topic[topic], one.columns, strict=False):
+            values = sources[channel](column)
+            blank &= np.isnan(values)
+            samples.series[channel] = Series(time, values)
+        account.total.used += len(time) - int(blank.sum())
+        if blank.any():
+            fields = [sources[channel].field for channel in by_topic[topic]]
+            named, more = ", ".join(fields[:_LISTED]), len(fields) - _LISTED
+            named += f" and {more} more" if more > 0 else ""
+            first = f"at {moment(time[int(np.argmax(blank))])}"
+            account.total.set_aside(f"on {topic} {_NO_NUMBER} {named}", first, int(blank.sum()))
+        if len(one.doubled):
+            first = f"at {moment((int(one.doubled[0]) - start) / 1e9)}"
+            account.total.set_aside(f"on {topic} with a repeated stamp", first, len(one.doubled))
+    return samples
 
 
 class _Vectors:
@@ -244,61 +276,6 @@ class _Vectors:
                 f"{where}: {x} is mapped for speed, but {y} moves too ({across:.1f} m/s), so that x is not "
                 f"forward but east, or north: map the norm of both by 'field: [{x}, {y}]'"
             )
-
-
-class _Drain:
-    """Passes samples to the resampler, and counts their messages."""
-
-    def __init__(
-        self,
-        queues: dict[str, Queue],
-        by_topic: dict[str, list[str]],
-        sources: dict[str, Source],
-        resampler: Resampler,
-        obedience: Obedience,
-        account: Account,
-    ) -> None:
-        self.queues, self.by_topic, self.sources = queues, by_topic, sources
-        self.resampler, self.obedience, self.account = resampler, obedience, account
-        self.start: int | None = None  # the bag's first stamp
-
-    def until(self, until: int | None) -> None:
-        """Pass samples stamped before `until` (None: all)."""
-        taken = {topic: queue.take(until) for topic, queue in self.queues.items()}
-        firsts = [int(part.stamps[0]) for part in taken.values() if len(part.stamps)]
-        if self.start is None and firsts:
-            self.start = min(firsts)
-        if self.start is None:
-            return
-        series: dict[str, Series] = {}
-        for topic, part in taken.items():
-            if not len(part.stamps):
-                continue
-            time = (part.stamps - self.start) / 1e9
-            blank = np.ones(len(time), dtype=bool)
-            if len(part.columns) > len(self.by_topic[topic]):
-                self.resampler.add_places(time, *part.columns[-2:])
-            for channel, column in zip(self.by_topic[topic], part.columns, strict=False):
-                values = self.sources[channel](column)
-                blank = blank & np.isnan(values) if blank.any() else blank
-                series[channel] = Series(time, values)
-            self._count(topic, part, time, blank)
-        for channel, one in self.obedience.resolved(series).items():
-            self.resampler.add(channel, one)
-        self.resampler.advance(np.inf if until is None else (until - self.start) / 1e9 - MARGIN_S)
-
-    def _count(self, topic: str, part: Part, time: Array, blank: Mask) -> None:
-        total = self.account.total
-        total.used += len(time) - int(blank.sum())
-        if blank.any():
-            fields = [self.sources[channel].field for channel in self.by_topic[topic]]
-            named, more = ", ".join(fields[:_LISTED]), len(fields) - _LISTED
-            named += f" and {more} more" if more > 0 else ""
-            first = f"at {moment(time[int(np.argmax(blank))])}"
-            total.set_aside(f"on {topic} {_NO_NUMBER} {named}", first, int(blank.sum()))
-        if len(part.doubled):
-            first = f"at {moment((int(part.doubled[0]) - (self.start or 0)) / 1e9)}"
-            total.set_aside(f"on {topic} with a repeated stamp", first, len(part.doubled))
 
 
 def _repairs(account: Account) -> list[str]:

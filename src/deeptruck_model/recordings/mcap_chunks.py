@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,7 +27,6 @@ from deeptruck_model.recordings.bag_file import RECORD_HEAD, DamagedError
 
 _MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 _GROUP_BYTES = 4 * 2**20
-OVERLAP_NS = 10**9  # by which chunks of a recorder may overlap
 ENTRY = np.dtype([("log_ns", "<u8"), ("offset", "<u8")])
 _MESSAGE = np.dtype(
     [
@@ -50,17 +48,13 @@ UNREADABLE = (
 
 @dataclass(frozen=True)
 class Batch:
-    """Messages of one topic: payloads at `starts` with `sizes` in `buffer`, log times `log_ns`, each (n,).
-
-    Every message of any topic logged before `safe_ns` came in an earlier batch.
-    """
+    """Messages of one topic: payloads at `starts` with `sizes` in `buffer`, log times `log_ns`, each (n,)."""
 
     topic: str
     buffer: NDArray[np.uint8]
     starts: NDArray[np.int64]
     sizes: NDArray[np.int64]
     log_ns: NDArray[np.int64]
-    safe_ns: int
 
 
 @dataclass(frozen=True)
@@ -141,20 +135,19 @@ def _check_places(summary: Summary, size: int) -> None:
 
 
 def read_chunks(chunks: Sequence[IndexedChunk], types: dict[str, str]) -> Iterator[Batch]:
-    """Messages of the topics that have the given types, in the order of the chunks' first messages. If the
-    time ranges of chunks overlap widely, as in a bag written topic by topic, this order holds for each topic.
-
-    Raises DamagedError if a chunk is corrupt.
-    """
+    """Messages of the topics that have the given types. Raises DamagedError if a chunk is corrupt."""
     wanted = [c for c in chunks if _topics(c, types)]
-    ordered = sorted(wanted, key=lambda c: (c.index.message_start_time, c.index.message_end_time))
     with ExitStack() as stack:
-        places = dict.fromkeys(c.file for c in ordered)
-        streams = {file: stack.enter_context(file.open("rb")) for file in places}
-        if _far_into_each_other(ordered):
-            yield from _by_topic(ordered, streams, types)
-        else:
-            yield from _by_group(ordered, streams, types)
+        streams = {
+            file: stack.enter_context(file.open("rb")) for file in dict.fromkeys(c.file for c in wanted)
+        }
+        group = _Group()
+        for chunk in wanted:
+            group.add(*_checked(chunk, streams, types))
+            if group.size > _GROUP_BYTES:
+                yield from group.batches()
+                group = _Group()
+        yield from group.batches()
 
 
 def _topics(chunk: IndexedChunk, types: dict[str, str]) -> dict[int, str]:
@@ -162,46 +155,6 @@ def _topics(chunk: IndexedChunk, types: dict[str, str]) -> dict[int, str]:
     held = chunk.index.message_index_offsets or chunk.channels
     found = {key: chunk.channels[key] for key in held}
     return {key: topic for key, (topic, kind) in found.items() if types.get(topic) == kind}
-
-
-def _far_into_each_other(ordered: Sequence[IndexedChunk]) -> bool:
-    """Whether the time ranges of chunks overlap widely."""
-    return any(
-        a.index.message_end_time > b.index.message_start_time + OVERLAP_NS
-        for a, b in itertools.pairwise(ordered)
-    )
-
-
-def _by_group(
-    ordered: Sequence[IndexedChunk], streams: Mapping[Path, BinaryIO], types: dict[str, str]
-) -> Iterator[Batch]:
-    group = _Group()
-    for chunk in ordered:
-        data, entries, wanted = _checked(chunk, streams, types)
-        group.add(data, entries, wanted, chunk.index.message_start_time)
-        if group.size > _GROUP_BYTES:
-            yield from group.batches()
-            group = _Group()
-    yield from group.batches()
-
-
-def _by_topic(
-    ordered: Sequence[IndexedChunk], streams: Mapping[Path, BinaryIO], types: dict[str, str]
-) -> Iterator[Batch]:
-    """The chunks topic by topic, each part in the order of its first message.
-
-    Chunks are decompressed once to find this order and again for each part, because they do not all fit into
-    memory.
-    """
-    parts = []
-    for number, chunk in enumerate(ordered):
-        _, entries, wanted = _checked(chunk, streams, types)
-        parts += [(int(entries[k]["log_ns"].min()), number, k) for k in wanted if len(entries.get(k, ()))]
-    for start_ns, number, key in sorted(parts):
-        data, entries, wanted = _checked(ordered[number], streams, types)
-        group = _Group()
-        group.add(data, entries, {key: wanted[key]}, start_ns)
-        yield from group.batches()
 
 
 def _checked(
@@ -280,18 +233,14 @@ class _Group:
         self.size = 0
         self._data: list[bytes] = []
         self._found: dict[str, list[tuple[NDArray[np.int64], NDArray[np.int64]]]] = {}
-        self._safe_ns: int | None = None
 
-    def add(
-        self, data: bytes, entries: dict[int, NDArray[np.void]], wanted: dict[int, str], start_ns: int
-    ) -> None:
-        """Add a chunk, later than those before it."""
+    def add(self, data: bytes, entries: dict[int, NDArray[np.void]], wanted: dict[int, str]) -> None:
+        """Add a chunk."""
         for channel, topic in wanted.items():
             if channel in entries and len(entries[channel]):
                 records = entries[channel]["offset"].astype(np.int64) + self.size
                 log_ns = entries[channel]["log_ns"].astype(np.int64)
                 self._found.setdefault(topic, []).append((records, log_ns))
-        self._safe_ns = start_ns if self._safe_ns is None else self._safe_ns
         self._data.append(data)
         self.size += len(data)
 
@@ -303,9 +252,7 @@ class _Group:
             lengths = np.lib.stride_tricks.sliding_window_view(buffer, 8)[records + 1]
             sizes = np.ascontiguousarray(lengths).view("<i8")[:, 0] - _MESSAGE_HEAD
             log_ns = np.concatenate([ns for _, ns in parts])
-            yield Batch(
-                topic, buffer, records + RECORD_HEAD + _MESSAGE_HEAD, sizes, log_ns, self._safe_ns or 0
-            )
+            yield Batch(topic, buffer, records + RECORD_HEAD + _MESSAGE_HEAD, sizes, log_ns)
 
 
 def message_indexes(raw: bytes) -> Iterator[tuple[int, NDArray[np.void]]]:

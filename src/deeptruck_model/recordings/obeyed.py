@@ -63,14 +63,10 @@ class Obedience:
         self.known = False  # whether it was recorded which commands were obeyed
         self._commands = [c for c in DRIVER if c in sources and sources[c].topic == COMMAND]
         self._account, self._no_load = account, no_load
-        self._bits = dict.fromkeys((_OF_THE_BRIDGE, _OF_THE_COMMAND), _NOTHING)
-        self._driven = dict.fromkeys(self._commands, False)  # whether the driver's demand is recorded
         self._taken = dict.fromkeys(self._commands, 0)  # its samples that took a command's place
 
     def resolved(self, series: dict[str, Series]) -> dict[str, Series]:
-        """Channels from parts of all topics up to one time, each later than the parts before.
-
-        A command has its own samples while control was engaged and the driver's demand otherwise; NaN follows
+        """The channels of a drive: a command has its own samples while control was engaged and the driver's demand otherwise; NaN follows
         a command if no demand was recorded.
         """
         channels = {name: one for name, one in series.items() if name not in HELPERS}
@@ -82,30 +78,24 @@ class Obedience:
         return channels
 
     def _engaged(self, series: dict[str, Series]) -> Series:
-        """The engaged bits since the last one of the earlier parts: those of the bridge if recorded."""
-        for name, before in self._bits.items():
-            new = series.get(name, _NOTHING)
-            there = ~np.isnan(new.values)
-            values = np.zeros(int(there.sum())) if self._no_load else new.values[there]
-            time = np.concatenate([before.time[-1:], new.time[there]])
-            self._bits[name] = Series(time, np.concatenate([before.values[-1:], values]))
-        bridge, command = self._bits.values()
-        self.known = self.known or bool(len(bridge.time) or len(command.time))
-        return bridge if len(bridge.time) else command
+        """The engaged bits: those of the bridge if recorded."""
+        bridge, command = (series.get(name, _NOTHING).valid for name in (_OF_THE_BRIDGE, _OF_THE_COMMAND))
+        bits = bridge if len(bridge.time) else command
+        self.known = bool(len(bits.time))
+        return Series(bits.time, np.zeros(len(bits.time))) if self._no_load else bits
 
     def _merged(self, command: str, given: Series, driver: Series, bits: Series) -> Series:
         engaged = held(bits.time, bits.values, given.time, GAP_S)[0]
         obeyed = engaged == 1.0
         driving = held(bits.time, bits.values, driver.time, GAP_S)[0] == 0.0
-        self._driven[command] |= bool(len(driver.time)) and not np.isnan(driver.values).all()
         ends = (bits.values[:-1] == 1.0) & (bits.values[1:] != 1.0)
-        if self._driven[command]:
+        if not np.isnan(driver.values).all():
             ends &= bits.values[1:] != 0.0  # the driver's next sample ends the command
         ends = bits.time[1:][ends]
         time = np.concatenate([given.time[obeyed], driver.time[driving], ends])
         values = np.concatenate([given.values[obeyed], driver.values[driving], np.full(len(ends), np.nan)])
         order = np.argsort(time, kind="stable")
-        self._taken[command] += int((~np.isnan(driver.values[driving])).sum())
+        self._taken[command] = int((~np.isnan(driver.values[driving])).sum())
         tally = self._account.channel(command)
         tally.read += int((~np.isnan(values)).sum())
         for reason, these in (

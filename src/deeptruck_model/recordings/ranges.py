@@ -58,7 +58,7 @@ Measured = Callable[[str], Seen | None]
 
 
 class Range:
-    """Removes out-of-range samples of a channel, part by part, and collects evidence for a wrong unit."""
+    """Removes out-of-range samples of a channel, and collects evidence for a wrong unit."""
 
     def __init__(self, channel: str, tally: Tally, unit: str = "", cuts: Array | None = None) -> None:
         self.channel, self.tally, self.unit = channel, tally, unit
@@ -72,9 +72,8 @@ class Range:
         self._nonzero = self._negative = 0
         self._size_below = self._size_above = 0.0  # sums of magnitudes below zero and above
         self._crossings = self._gradual = 0
-        self._values: list[Array] = []  # of those outside, the first _KEPT
-        self._head: list[tuple[Array, Array]] = []  # times and numbers as they came, the first _KEPT
-        self._zero = 0.0  # of heights
+        self._values = np.zeros(0)  # magnitudes of those outside, the first _KEPT
+        self.head = np.zeros(0), np.zeros(0)  # times and numbers as they came, the first _KEPT
         self.remarks: list[str] = []
 
     def masked(self, time: Array, values: Array) -> Array:
@@ -84,9 +83,8 @@ class Range:
         valid = ~np.isnan(values)
         with np.errstate(invalid="ignore"):
             outside = (values < low) | (values > self.high)
-        self.measured += int(valid.sum())
-        if sum(len(kept) for kept, _ in self._head) < _KEPT:
-            self._head.append((time[valid][:_KEPT], values[valid][:_KEPT]))
+        self.measured = int(valid.sum())
+        self.head = time[valid][:_KEPT], values[valid][:_KEPT]
         if self.channel in _OF_UNITS:
             self._look(values[valid], outside[valid], low)
         if outside.any():
@@ -100,10 +98,8 @@ class Range:
 
     def _on_one_zero(self, time: Array, height: Array) -> Array:
         """The height (n,) without changes of its zero, which are remarked."""
-        height = height - self._zero
         for at, by in zero_changes(time, height, self.cuts):
             height = np.where(np.arange(len(height)) >= at, height - by, height)
-            self._zero += by
             self.remarks.append(
                 f"elevation changes its zero by {by:+.1f} m at {moment(time[at])}: the step is set aside, "
                 "and what follows is given above the zero before"
@@ -119,26 +115,19 @@ class Range:
 
     def _look(self, values: Array, outside: Mask, low: float) -> None:
         size = np.minimum(np.abs(values), self.high)
-        self._nonzero += int((values != 0.0).sum())
-        self._negative += int((values < low).sum())
-        self._size_below += float(size[values < 0.0].sum())
-        self._size_above += float(size[values > 0.0].sum())
+        self._nonzero = int((values != 0.0).sum())
+        self._negative = int((values < low).sum())
+        self._size_below = float(size[values < 0.0].sum())
+        self._size_above = float(size[values > 0.0].sum())
         if not outside.any():
             return
-        if sum(map(len, self._values)) < _KEPT:
-            self._values.append(np.abs(values[outside & (values != 0.0)])[:_KEPT])
+        self._values = np.abs(values[outside & (values != 0.0)])[:_KEPT]
         steps = np.abs(np.diff(np.clip(values, -1e12, 1e12)))  # infinities have no difference
         inside = ~(outside[1:] | outside[:-1])
         across = outside[1:] != outside[:-1]
         usual = 2.0 * float(np.quantile(steps[inside], 0.9)) if inside.sum() >= 20 else 0.0
-        self._crossings += int(across.sum())
-        self._gradual += int((steps[across] <= usual).sum())
-
-    @property
-    def head(self) -> tuple[Array, Array]:
-        """Times (n,), s, and numbers (n,) of the first samples, as they came."""
-        times, values = zip(*self._head, strict=True) if self._head else ((np.zeros(0),), (np.zeros(0),))
-        return np.concatenate(times), np.concatenate(values)
+        self._crossings = int(across.sum())
+        self._gradual = int((steps[across] <= usual).sum())
 
     def check(self, name: str, interface: TruckInterface, measured: Measured) -> None:
         """Raises InputError if numbers are none of the channel in any unit, or if one factor would make most
@@ -157,7 +146,7 @@ class Range:
         if signed and self._negative > 0.5 * self._nonzero and self._size_below > self._size_above:
             meaning = CHANNELS[self.channel].meaning
             raise InputError(f"{what}: {self.channel} has the wrong sign ({meaning}): give it 'scale: -1'")
-        values = np.concatenate(self._values)[:_KEPT] if self._values else np.zeros(0)
+        values = self._values
         if not self._is_of_other_unit(values):
             return
         if says := lost_decimals(self.head[1]):

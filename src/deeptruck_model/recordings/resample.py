@@ -1,7 +1,6 @@
 """Resamples channels from their own times to recordings on one uniform clock, cut into contiguous pieces.
 
-The clock follows the speed samples. Samples may be passed in parts, in time order within a channel, so that a
-bag of any length needs the memory of a few minutes.
+The clock follows the speed samples.
 """
 
 from __future__ import annotations
@@ -33,18 +32,16 @@ from deeptruck_model.recordings.ranges import NEEDED, REVERSING, Range, Seen, re
 from deeptruck_model.recordings.recording import FROM_SPEED, Recording
 from deeptruck_model.recordings.units import metres_per_degree
 
-MARGIN_S = 60.0  # samples this far around a tick are at hand when it is computed
 NO_SPEED = "recorded while there was no speed"
 DERIVED = "derived where there is no speed"
 JUMPED = "derived where it jumps faster than any truck"
 UNMOVED = "zero while positions move on"
 BURSTS, LARGEST_BURST = 5, 20  # that are seen at least; samples in one
 BURST_PAUSE = 5.0  # times that a pause between bursts is longer than the step within
-_SLOW_S = 1.0  # channels with longer periods reach further than that; they are few and stay in memory
 
 
 def uniform(
-    series: dict[str, Series],
+    series: Mapping[str, Series],
     *,
     name: str,
     interface: TruckInterface,
@@ -61,121 +58,86 @@ def uniform(
     a command must be wrong.
     """
     units = {command: interface.unit(command) for command in ("engine_command", "brake_command")}
-    resampler = Resampler(name, rate_hz=rate_hz, cuts=cuts, account=account, units=units)
-    for channel, one in series.items():
-        resampler.add(channel, one)
-    resampler.advance(np.inf)
-    return resampler.finish(interface, notes)
+    resampled = Resampled(name, series, rate_hz=rate_hz, cuts=cuts, account=account, units=units)
+    return resampled.recordings(interface, notes)
 
 
-class Resampler:
-    """`uniform` in parts: `add` samples, `advance` to the time up to which they are complete, at the end
-    `finish`."""
+class Resampled:
+    """Channels on one clock, in pieces; `series` by channel, each in the order of time, NaN where a sample is
+    missing. `poses` are positions in metres, (time, x, y) each (n,), of which there is no channel: the pose
+    of an odometry. `units` are those of commands.
+    """
 
     def __init__(
         self,
         name: str,
+        series: Mapping[str, Series],
         *,
         rate_hz: float = 10.0,
         cuts: Sequence[float] = (),
         account: Account | None = None,
         units: Mapping[str, str] | None = None,
+        poses: Sequence[tuple[Array, Array, Array]] = (),
     ) -> None:
         if not rate_hz > 0:
             raise InputError(f"rate_hz must be positive, not {rate_hz}")
-        self.name, self.rate_hz, self.cuts = name, rate_hz, np.asarray(cuts, dtype=np.float64)
-        self.dt = 0.0  # known once speed samples are there
-        self._units = units or {}  # of commands
+        self.name, self.dt = name, 1.0 / rate_hz
         self._account = account
-        self._tallies: dict[str, Tally] = {}  # of the samples that were added
-        self._gap = 0.0
-        self._ranges: dict[str, Range] = {}
-        self._parts: dict[str, list[Series]] = {}
-        self._periods: dict[str, float] = {}
-        self._poses: list[tuple[Array, Array, Array]] = []
-        self._pieces: list[_Piece] = []  # the last one may still grow
-        self._done = -np.inf  # ticks before this are computed
-        self._settled = -np.inf  # samples up to this are counted, and at hand no more
-        self._closed = -np.inf  # time of the last speed sample of a closed piece
+        self._tallies = {c: Tally(read=int((~np.isnan(one.values)).sum())) for c, one in series.items()}
+        cut_at = np.asarray(cuts, dtype=np.float64)
+        units = units or {}
+        self._ranges = {c: Range(c, tally, units.get(c, ""), cut_at) for c, tally in self._tallies.items()}
+        self._pieces: list[_Piece] = []
+        known: dict[str, Series] = {}
+        for channel, one in series.items():
+            time, values = one_per_burst(channel, one.time, one.values)
+            known[channel] = Series(time, self._ranges[channel].masked(time, values))
+        if "speed" in known and len(known["speed"].time) > 1:
+            self._compute(known, rate_hz, cut_at, poses)
 
-    def add(self, channel: str, part: Series) -> None:
-        """Add samples of one channel, later than those added before; NaN is a missing sample."""
-        tally = self._tallies.setdefault(channel, Tally())
-        tally.read += int((~np.isnan(part.values)).sum())
-        late = int(np.searchsorted(part.time, self._settled, side="right"))
-        if late:
-            first, count = f"at {moment(part.time[0])}", int((~np.isnan(part.values[:late])).sum())
-            tally.set_aside("stamped over a minute before the speed beside them", first, count)
-        time, values = one_per_burst(channel, part.time[late:], part.values[late:])
-        values = self._range(channel, tally).masked(time, values)
-        self._parts.setdefault(channel, []).append(Series(time, values))
-
-    def _range(self, channel: str, tally: Tally) -> Range:
-        if channel not in self._ranges:
-            unit = self._units.get(channel, "")
-            self._ranges[channel] = Range(channel, tally, unit, self.cuts)
-        return self._ranges[channel]
-
-    def advance(self, until: float) -> None:
-        """Compute all ticks before `until`; every sample up to MARGIN_S later must have been added."""
-        series = {channel: _joined(parts) for channel, parts in self._parts.items()}
-        if "speed" not in series or len(series["speed"].time) < 2 or (until < np.inf and until <= self._done):
-            return
+    def _compute(
+        self,
+        series: dict[str, Series],
+        rate_hz: float,
+        cuts: Array,
+        poses: Sequence[tuple[Array, Array, Array]],
+    ) -> None:
         speed = series["speed"]
-        if not self.dt:
-            native = period(speed.time)
-            self.dt, self._gap = _step(speed.time, native, self.rate_hz), max(GAP_S, GAP_PERIODS * native)
-        backward = reversing(speed.time, speed.values, self._gear_at(speed.time, series))
-        below = ~backward & (speed.values < CHANNELS["speed"].low)
-        unmoved = moving_at_zero(speed.time, speed.values, self._places(series))
-        forward = Series(speed.time, np.where(backward | below | unmoved, np.nan, speed.values))
-        clock = (kept := _without_long_nan(forward, self._gap)).time
-        for channel, one in series.items():
-            if channel not in self._periods and (len(one.time) >= 10 or until == np.inf):
-                self._periods[channel] = period(clock if channel == "speed" else one.time)
-        if until < np.inf and period(clock) > _SLOW_S:
-            return
-        for i, j in self._segments(clock):
-            self._segment({**series, "speed": kept}, clock, i, j, until)
-        now = slice(*np.searchsorted(speed.time, [self._settled, until - MARGIN_S], side="right"))
-        out = ((REVERSING, backward), (self._ranges["speed"].reason, below), (UNMOVED, unmoved))
-        for reason, these in out:
-            self._ranges["speed"].set_aside(reason, speed.time[now], speed.values[now], these[now])
+        native = period(speed.time)
+        self.dt, gap = _step(speed.time, native, rate_hz), max(GAP_S, GAP_PERIODS * native)
+        out = {
+            REVERSING: reversing(speed.time, speed.values, _gear_at(speed.time, series, self.dt)),
+            UNMOVED: moving_at_zero(speed.time, speed.values, _places(series, poses)),
+        }
+        out[self._ranges["speed"].reason] = ~out[REVERSING] & (speed.values < CHANNELS["speed"].low)
+        for reason, these in out.items():
+            self._ranges["speed"].set_aside(reason, speed.time, speed.values, these)
+        forward = Series(speed.time, np.where(np.any([*out.values()], axis=0), np.nan, speed.values))
+        kept = _without_long_nan(forward, gap)
+        clock = kept.time
+        sampled = {**series, "speed": kept}
+        periods = {c: period(one.time) for c, one in sampled.items()}
+        starts = {*(np.flatnonzero(np.diff(clock) > gap) + 1), *np.searchsorted(clock, cuts)}
+        edges = sorted({0, len(clock)} | {int(s) for s in starts if 0 < s < len(clock)})
+        for i, j in pairwise(edges):
+            start, end = float(clock[i]), float(clock[j - 1])
+            ticks: Array = start + self.dt * np.arange(int((end - start) / self.dt + SNAP) + 1, dtype=float)
+            if len(ticks) < 2:  # no step, so no acceleration: not a drive
+                continue
+            before, after = clock[i - 1] if i else -np.inf, clock[j] if j < len(clock) else np.inf
+            near = {c: one.between(before, after) for c, one in sampled.items()}
+            channels = {
+                c: at_ticks(c, one.time, one.values, ticks, self.dt, periods[c], first=True)
+                for c, one in near.items()
+            }
+            self._pieces.append(_Piece(start, end, channels))
         for channel, one in {**series, "speed": forward}.items():
-            self._settle(channel, one, until - MARGIN_S)
-        self._done, self._settled = until, until - MARGIN_S
-        for channel, one in series.items():
-            slow = self._periods.get(channel, np.inf) > _SLOW_S
-            self._parts[channel] = [one if slow else one.between(self._settled, np.inf)]
+            self._count(channel, one, 0.0 if channel == "speed" else gap)
 
-    def add_places(self, time: Array, x_m: Array, y_m: Array) -> None:
-        """Add positions in metres, (n,) each, of which a bag has no channel: the pose of an odometry."""
-        self._poses.append((time, x_m, y_m))
-
-    def _places(self, series: Mapping[str, Series]) -> list[Places]:
-        """Positions over time: the poses, and latitude and longitude."""
-        found = []
-        if self._poses:
-            found.append(Places(*(np.concatenate(part) for part in zip(*self._poses, strict=True))))
-        if {"latitude", "longitude"} <= series.keys():
-            latitude, longitude = (series[c].valid for c in ("latitude", "longitude"))
-            if len(latitude.time) and len(longitude.time):
-                lon = np.interp(latitude.time, longitude.time, longitude.values)
-                east_m, north_m = metres_per_degree(latitude.values[:1])
-                found.append(Places(latitude.time, lon * east_m, latitude.values * north_m))
-        return found
-
-    def _gear_at(self, time: Array, series: dict[str, Series]) -> Array:
-        if "gear" not in series:
-            return np.full(len(time), np.nan)
-        gear = series["gear"]
-        return at_ticks("gear", gear.time, gear.values, time, self.dt, period(gear.time))
-
-    def _settle(self, channel: str, series: Series, until: float) -> None:
-        """Count the channel's samples inside and outside of pieces, up to a time."""
-        now = slice(*np.searchsorted(series.time, [self._settled, until], side="right"))
-        time = series.time[now][~np.isnan(series.values[now])]
-        beyond = 0.0 if channel == "speed" else self._gap  # commands are held, others are interpolated
+    def _count(self, channel: str, series: Series, beyond: float) -> None:
+        """Count the channel's samples inside and outside of pieces, and so far `beyond` them, s: commands are
+        held there, others are interpolated."""
+        time = series.time[~np.isnan(series.values)]
         starts = np.array([piece.start - beyond for piece in self._pieces])
         ends = np.array([-np.inf, *(piece.end + beyond for piece in self._pieces)])
         within = time <= ends[np.searchsorted(starts, time, side="right")]
@@ -188,15 +150,15 @@ class Resampler:
 
     @property
     def measured(self) -> set[str]:
-        """Channels with at least one valid sample; speed and commands with any sample, since `finish` reports
-        what is wrong with them."""
+        """Channels with at least one valid sample; speed and commands with any sample, since `recordings`
+        reports what is wrong with them."""
         return {
             channel
             for channel, r in self._ranges.items()
             if r.measured > (0 if channel in NEEDED else r.outside + r.none)
         }
 
-    def finish(
+    def recordings(
         self, interface: TruckInterface, notes: Sequence[str] = (), *, ours: bool = False
     ) -> list[Recording]:
         """The recordings; an accelerometer that a log calls acceleration becomes the specific force, unless
@@ -256,58 +218,18 @@ class Resampler:
         unit = "; is its unit right?" if any(reason.startswith("outside") for reason in speed.aside) else ""
         return f"{nothing} (of {speed.read}, {', '.join(reasons)}{unit})" if reasons else nothing
 
-    def _segments(self, clock: Array) -> list[tuple[int, int]]:
-        """Index ranges of the speed samples between gaps and cuts, without those of closed pieces."""
-        starts = {*(np.flatnonzero(np.diff(clock) > self._gap) + 1), *np.searchsorted(clock, self.cuts)}
-        edges = sorted({0, len(clock)} | {int(s) for s in starts if 0 < s < len(clock)})
-        return [(i, j) for i, j in pairwise(edges) if clock[j - 1] > self._closed]
 
-    def _segment(self, series: dict[str, Series], clock: Array, i: int, j: int, until: float) -> None:
-        """Compute a segment's missing ticks before `until`; close the segment if it ends before."""
-        end = clock[j - 1]
-        complete = end < until
-        if clock[i] >= until or (complete and clock[i] == end):
-            self._closed = end if complete else self._closed
-            return
-        growing = bool(self._pieces) and self._pieces[-1].growing
-        piece = self._pieces[-1] if growing else _Piece(float(clock[i]))
-        if not growing:
-            self._pieces.append(piece)
-        span = (end - piece.start) / self.dt + SNAP if complete else (until - piece.start) / self.dt - 1.0
-        ticks: Array = piece.start + self.dt * np.arange(piece.count, int(span) + 1, dtype=np.float64)
-        before = max(self._closed, clock[i - 1] if i else -np.inf)
-        after = clock[j] if j < len(clock) else np.inf
-        if len(ticks):
-            near = {channel: one.between(before, after) for channel, one in series.items()}
-            piece.add({c: self._at(c, one, ticks, piece.count == 0) for c, one in near.items()}, len(ticks))
-        piece.growing, piece.end = not complete, min(end, until)
-        if complete:
-            self._closed = end
-            if piece.count < 2:  # no step, so no acceleration: not a drive
-                self._pieces.pop()
-
-    def _at(self, channel: str, series: Series, ticks: Array, first: bool) -> Array:
-        own = self._periods.get(channel, period(series.time))
-        return at_ticks(channel, series.time, series.values, ticks, self.dt, own, first=first)
-
-
+@dataclass(frozen=True)
 class _Piece:
-    """One contiguous segment of ticks, growing block by block."""
+    """One contiguous segment: times of its first and last speed sample, s, and its channels (n,)."""
 
-    def __init__(self, start: float) -> None:
-        self.start, self.end, self.count, self.growing = start, start, 0, True
-        self._blocks: dict[str, list[Array]] = {}
-
-    def add(self, block: dict[str, Array], count: int) -> None:
-        for channel, values in block.items():
-            missed = self.count - sum(map(len, self._blocks.get(channel, [])))
-            blank = [np.full(missed, np.nan)] if missed else []  # the channel begins only now
-            self._blocks.setdefault(channel, []).extend([*blank, values])
-        self.count += count
+    start: float
+    end: float
+    channels: dict[str, Array]
 
     def valid(self) -> set[str]:
         """The channels with a valid sample."""
-        return {c for c, blocks in self._blocks.items() if not all(np.isnan(v).all() for v in blocks)}
+        return {c for c, values in self.channels.items() if not np.isnan(values).all()}
 
     def recording(
         self,
@@ -319,8 +241,7 @@ class _Piece:
         account: Account,
     ) -> Recording:
         """The piece as a recording; channels of `needed`, which another piece may have, are kept as NaN."""
-        joined = {channel: np.concatenate(blocks) for channel, blocks in self._blocks.items()}
-        channels = {c: v for c, v in joined.items() if c in needed or not np.isnan(v).all()}
+        channels = {c: v for c, v in self.channels.items() if c in needed or not np.isnan(v).all()}
         if "acceleration" not in channels or np.isnan(channels["acceleration"]).all():
             speed = channels["speed"]
             channels["acceleration"] = derive_acceleration(speed, dt)
@@ -434,10 +355,23 @@ def _without_long_nan(series: Series, gap: float) -> Series:
     return Series(series.time[keep], series.values[keep])
 
 
-def _joined(parts: list[Series]) -> Series:
-    if len(parts) == 1:
-        return parts[0]
-    return Series(np.concatenate([p.time for p in parts]), np.concatenate([p.values for p in parts]))
+def _gear_at(time: Array, series: Mapping[str, Series], dt: float) -> Array:
+    if "gear" not in series:
+        return np.full(len(time), np.nan)
+    gear = series["gear"]
+    return at_ticks("gear", gear.time, gear.values, time, dt, period(gear.time))
+
+
+def _places(series: Mapping[str, Series], poses: Sequence[tuple[Array, Array, Array]]) -> list[Places]:
+    """Positions over time: the poses, and latitude and longitude."""
+    found = [Places(*pose) for pose in poses]
+    if {"latitude", "longitude"} <= series.keys():
+        latitude, longitude = (series[c].valid for c in ("latitude", "longitude"))
+        if len(latitude.time) and len(longitude.time):
+            lon = np.interp(latitude.time, longitude.time, longitude.values)
+            east_m, north_m = metres_per_degree(latitude.values[:1])
+            found.append(Places(latitude.time, lon * east_m, latitude.values * north_m))
+    return found
 
 
 def _step(clock: Array, native: float, rate_hz: float) -> float:
