@@ -66,9 +66,8 @@ class Obedience:
         self._taken = dict.fromkeys(self._commands, 0)  # its samples that took a command's place
 
     def resolved(self, series: dict[str, Series]) -> dict[str, Series]:
-        """The channels of a drive: a command has its own samples while control was engaged and the driver's demand otherwise; NaN follows
-        a command if no demand was recorded.
-        """
+        """The channels: a command has its own samples while control was engaged and the driver's demand
+        otherwise; NaN follows a command if no demand was recorded."""
         channels = {name: one for name, one in series.items() if name not in HELPERS}
         bits = self._engaged(series)
         if self.known:

@@ -11,7 +11,6 @@ from foreign_bags import Message, S, bag_of, number, twist
 
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import Recording, import_table, read
-from deeptruck_model.recordings.clocks import Queue
 
 LOG = 1_700_000_000 * S
 STEP = S // 10
@@ -208,11 +207,3 @@ def test_a_table_has_one_clock(tmp_path: Path, script: Callable[..., tuple[int, 
         "import", table, "--columns", columns, "--out", tmp_path / "bag", "--clock", "log"
     )
     assert code == 2 and "is for bags" in error
-
-
-def test_what_is_stamped_from_the_moment_on_waits() -> None:
-    queue = Queue("/t", Path("bag"))
-    queue.put(np.array([1, 3, 2, 5]), [np.array([10.0, 30.0, 20.0, 50.0])])
-    first, rest = queue.take(3), queue.take(None)
-    assert (first.stamps.tolist(), first.columns[0].tolist()) == ([1, 2], [10.0, 20.0])
-    assert (rest.stamps.tolist(), rest.columns[0].tolist()) == ([3, 5], [30.0, 50.0])

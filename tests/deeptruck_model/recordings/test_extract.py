@@ -156,33 +156,3 @@ def test_a_topic_with_two_types_is_the_one_with_most_messages(tmp_path: Path, st
     text = [("/truck/twist", TYPES.types["std_msgs/msg/String"]("x"), k * S) for k in range(1, 31)]
     messages = sorted([*text, *drive_messages()], key=lambda m: m[2])
     check(read(bag_of(tmp_path / "bag", messages, storage=storage)))
-
-
-def test_long_bags_are_read_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same whether resampled while reading or at the end, whatever the order of the topics."""
-    count = 4000
-    road = [("/road_grade", number(1e-4 * k), S + k * S // 5) for k in range(count // 2)]
-    mixed = sorted([*drive_messages(count=count), *road], key=lambda m: m[2])
-    bag = bag_of(tmp_path / "bag", mixed)
-    speeds = drive_messages(count=count)
-    for _, message, _ in speeds:
-        message.header.frame_id = "long" * 200  # so that the topic fills several chunks
-    apart = bag_of(tmp_path / "apart", [*speeds, *road])
-    another = bag_of(tmp_path / "another", [*road, *speeds])
-    topics = {
-        "speed": {"topic": "/truck/twist", "field": "twist.linear.x", "scale": 0.1},
-        "grade": {"topic": "/road_grade", "field": "data"},
-    }
-    (whole,) = read(bag, topic_map=topics)
-    monkeypatch.setattr("deeptruck_model.recordings.extract._DRAIN", 500)
-    monkeypatch.setattr("deeptruck_model.recordings.bag_source._BATCH", 300)
-    sqlite = bag_of(
-        tmp_path / "sqlite",
-        sorted([*drive_messages(count=count), *road], key=lambda m: m[2]),
-        storage=StoragePlugin.SQLITE3,
-    )
-    for other in (bag, apart, another, sqlite):
-        (parts,) = read(other, topic_map=topics)
-        assert parts.start_s == whole.start_s
-        for name, values in whole.channels.items():
-            np.testing.assert_array_equal(parts.channels[name], values)

@@ -188,14 +188,6 @@ def test_units_of_a_topic_map_hold_for_the_driver_too(tmp_path: Path) -> None:
     np.testing.assert_allclose(one.channels["engine_command"], np.where(LATE, 25.0, 10.0))
 
 
-def test_a_long_bag_is_resolved_part_by_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("deeptruck_model.recordings.extract._DRAIN", 2000)
-    engaged = (np.arange(9000) // 700) % 2
-    one = of(tmp_path, drive(engaged))
-    np.testing.assert_allclose(one.channels["engine_command"], np.where(engaged, 50.0, 20.0))
-    assert tally(one).left_out == int((engaged == 0).sum())
-
-
 def test_that_commands_were_obeyed_is_recorded_and_stays_so(tmp_path: Path) -> None:
     one = replace(of(tmp_path, drive(BETWEEN)), interface=INTERFACE)
     assert one.obeyed

@@ -1,18 +1,13 @@
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
 from deeptruck_core.account import Account
 from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
-from deeptruck_core.json_data import to_json
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings import Recording, Series, uniform
-from deeptruck_model.recordings.resample import Resampler
 
 TRUCK = TruckInterface("t", brake_unit=None, grade=False, fuel=False)
 
@@ -335,25 +330,6 @@ def test_reversing_is_set_aside_by_itself_and_cuts(signed: bool) -> None:
         assert (np.abs(recording.channels["acceleration"]) <= 1.0 + 1e-9).all()
 
 
-def in_parts(series: dict[str, Series], borders: Sequence[float], behind_s: float) -> list[Recording]:
-    """The recordings of channels that come in parts; computed is what lies `behind_s` behind each."""
-    resampler = Resampler("t")
-    for low, high in pairwise([-1.0, *borders, 1e4]):
-        for channel, one in series.items():
-            inside = (one.time >= low) & (one.time < high)
-            if inside.any():
-                resampler.add(channel, Series(one.time[inside], one.values[inside]))
-        resampler.advance(high - behind_s if high < 1e4 else np.inf)
-    return resampler.finish(TRUCK)
-
-
-def test_reversing_in_parts_is_counted_as_in_the_whole() -> None:
-    series = backing()
-    parts, whole = in_parts(series, [*range(5, 101, 5)], 60.0), resampled(series)
-    assert to_json(balanced(parts)) == to_json(balanced(whole))
-    assert [len(r) for r in parts] == [len(r) for r in whole]
-
-
 def test_creeping_back_on_a_slope_is_kept() -> None:
     time = clock(10, 60)
     (recording,) = resampled(
@@ -375,7 +351,7 @@ def test_samples_where_no_speed_was_recorded_are_counted() -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_read_is_used_and_set_aside_on_damaged_drives(seed: int) -> None:
-    """Holes, faults, NaN, reversing, jitter and single samples, in parts: nothing is lost unsaid."""
+    """Holes, faults, NaN, reversing, jitter and single samples: nothing is lost unsaid."""
     rng = np.random.default_rng(seed)
     time = np.sort(rng.uniform(0, 400, 3000))
     time = time[rng.uniform(size=3000) < np.where(time % 97 < 30, 0.03, 1.0)]
@@ -388,7 +364,7 @@ def test_read_is_used_and_set_aside_on_damaged_drives(seed: int) -> None:
         one.values[rng.uniform(size=len(one.time)) < 0.05] = np.nan
         one.values[rng.uniform(size=len(one.time)) < 0.01] = 1e6
     read = {channel: int((~np.isnan(one.values)).sum()) for channel, one in series.items()}
-    account = balanced(in_parts(series, [*range(50, 401, 50)], 60.0))
+    account = balanced(resampled(series))
     assert {channel: account.channels[channel].read for channel in series} == read
     assert account.total.read == sum(read.values()) and account.total.left_out > 0
 
@@ -407,31 +383,6 @@ def test_nothing_to_make_a_recording_of(times: list[float] | None) -> None:
     series = {} if times is None else {"speed": Series(np.array(times), np.full(len(times), 5.0))}
     with pytest.raises(InputError, match="no two speed samples in a row"):
         resampled(series)
-
-
-def test_parts_give_what_the_whole_gives() -> None:
-    """Gaps, holes, jitter, slow and late channels, fed in odd parts."""
-    rng = np.random.default_rng(5)
-    fast = np.concatenate([clock(50, 400), clock(50, 300, 405), clock(50, 200, 900.5)])
-    fast = np.sort(fast + rng.normal(0, 1e-3, len(fast)))
-    radar = clock(20, 300, 350.0)
-    series = {
-        "speed": Series(fast, 15.0 + 10.0 * np.sin(fast / 20.0) + rng.uniform(-0.1, 0.1, len(fast))),
-        "acceleration": Series(fast, rng.normal(size=len(fast))),
-        "engine_command": Series(clock(30, 1200), rng.normal(size=36001)),
-        "gear": Series(clock(5, 1200), rng.integers(1, 10, 6001).astype(float)),
-        "gap": Series(radar, rng.uniform(0, 90, len(radar))),
-        "ambient_temperature": Series(clock(0.02, 1200), np.linspace(10, 20, 25)),
-    }
-    series["speed"].values[rng.integers(0, len(fast), 200)] = np.nan
-    whole = resampled(series)
-    parts = in_parts(series, np.sort(rng.uniform(0, 1200, 37)).tolist(), 60.0)
-    assert len(whole) == len(parts) == 3
-    for one, other in zip(whole, parts, strict=True):
-        assert (one.name, one.start_s, one.notes) == (other.name, other.start_s, other.notes)
-        assert set(one.channels) == set(other.channels)
-        for channel, values in one.channels.items():
-            np.testing.assert_allclose(other.channels[channel], values, atol=1e-9, err_msg=channel)
 
 
 @pytest.mark.parametrize(("unit_in_rad_s", "remarks"), [(1.0, 0), (np.pi / 30, 1)])
