@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from deeptruck_core.errors import InputError
 from deeptruck_core.terminal.progress import steps
 from deeptruck_model.checks import calls, mass
-from deeptruck_model.mismatch.correction.from_draws import Correction, correct
+from deeptruck_model.mismatch.correction.from_draws import Correction, correct, uncorrected
 from deeptruck_model.mismatch.correction.validate import Validated, validate
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
@@ -87,7 +87,10 @@ def find_mismatch(
 def concluded(truck: Simulator, c: Compared, rules: Rules, say: Callable[[str], None]) -> Mismatch:
     """The second half of `find_mismatch`: a correction, free runs with it, and the verdict."""
     say("correcting the simulator and driving it free")
-    correction = correct(truck, c)
+    try:
+        correction = correct(truck, c)
+    except Exception as error:  # of a simulator of somebody else, say: what was compared is not lost
+        correction = uncorrected(truck, f"nothing was corrected: {type(error).__name__}, {error}")
     driven = validate(truck, correction, c.drives, c.fitted)
     verdict = conclude(c, correction, driven, stated(c, correction, driven))
     return Mismatch(

@@ -133,6 +133,16 @@ def test_a_mass_that_cannot_be_is_refused(mass_kg: float, says: str) -> None:
         mismatch.find_mismatch(TRUCK, [], mass_kg=mass_kg)
 
 
+def test_what_was_compared_before_a_failure_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> None:
+        raise ZeroDivisionError("of a simulator of somebody else")
+
+    monkeypatch.setattr("deeptruck_model.mismatch.find.correct", fails)
+    said = run(drives(TRUCK.with_parameters({"mass": 1.2 * MASS}), 3))
+    assert said["budget"]["parts"] and said["fit"]["offered"] == "as_given"
+    assert any("nothing was corrected: ZeroDivisionError" in c for c in said["caveats"])
+
+
 def still(r: Recording) -> Recording:
     """A drive of one speed, without an engine speed that would contradict it."""
     n = len(r)

@@ -5,7 +5,7 @@ several.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,12 +26,11 @@ Size = float | Array
 
 @dataclass(frozen=True)
 class Added:
-    """Additions to a truck: expressions with their sizes, m/s^2; command paths by name, amount and share
-    (`CommandPath`); and, by name, factors on the truck's forces within the expressions."""
+    """Additions to a truck: expressions with their sizes, m/s^2; and command paths by name, amount and share
+    (`CommandPath`)."""
 
     forces: tuple[tuple[Expression, Size], ...] = ()
     paths: tuple[tuple[str, float, Size], ...] = ()
-    carried: Mapping[str, Size] = field(default_factory=dict)
 
     @staticmethod
     def side_by_side(each: Sequence[Added], rows: Sequence[int]) -> Added:
@@ -43,10 +42,6 @@ class Added:
         return Added(
             tuple((x, only(k, b)) for k, a in enumerate(each) for x, b in a.forces),
             tuple((path, amount, only(k, b)) for k, a in enumerate(each) for path, amount, b in a.paths),
-            {
-                name: np.repeat([a.carried.get(name, 1.0) for a in each], rows)
-                for name in sorted({name for a in each for name in a.carried})
-            },
         )
 
     def signals(self) -> frozenset[str]:
@@ -190,7 +185,6 @@ class TruckWithForces:
             "drag": np.abs(inside["drag_force"]) / mass,
             "rolling": np.abs(inside["rolling_force"]) / mass,
         }
-        own |= {name: own[name] * factor for name, factor in self._added.carried.items()}
         return own | {name: inside[name] for name in ("gear", "engine_speed") if name in inside}
 
 

@@ -43,26 +43,9 @@ EXOGENOUS = (
 # 1: forces gave force per mass of acceleration; 2: a force that changed did nothing while brakes held.
 # 3: forces were of the size they had about other parameters. Coefficients of all three mean something else.
 # 4: terms were settings by name, and not variants. 5: a term could be confined to a regime.
-# 6: a variant was a class of its own, and not a form of its mechanism.
-SCHEMA = 7
-
-# Forces of a physics truck that scale those of mechanisms: a headwind, for example, is a share of the drag.
-CARRIERS = {
-    "engine": "torque_gain",
-    "brake": "brake_gain",
-    "drag": "drag_area",
-    "rolling": "rolling_resistance",
-}
-
-
-def factors(fitted_at: Mapping[str, float], moved: Mapping[str, float]) -> dict[str, float]:
-    """Ratios of every force per mass at the parameters of the fit to that of a truck with `moved`; both are
-    relative changes of the simulator's parameters."""
-
-    def ratio(name: str) -> float:
-        return (1.0 + fitted_at.get(name, 0.0)) / (1.0 + moved.get(name, 0.0))
-
-    return {force: ratio(parameter) / ratio("mass") for force, parameter in CARRIERS.items()}
+# 6: a variant was a class of its own, and not a form of its mechanism. 7: forces were of the size they had
+# about other parameters, with factors on them.
+SCHEMA = 8
 
 
 @dataclass(frozen=True)
@@ -78,7 +61,7 @@ class CorrectedTruck:
     """A Simulator that adds named forces to another one.
 
     `moved` are relative changes of parameters; those that the base truck has are set in it, the others act as
-    forces. `carried` are factors on the base truck's forces within the terms, see `carriers.factors`.
+    forces.
     Channels that the protocol does not carry (gap, ambient temperature, elevation) come from `along`, and
     count as not recorded without it.
     """
@@ -91,16 +74,14 @@ class CorrectedTruck:
         shares: Shares | None,
         validated: bool,
         gears: Sequence[float] = (),
-        carried: Mapping[str, float] | None = None,
     ) -> None:
-        self._carried = dict(carried or {})
         own = base.parameters()
         self.inner = {name: own[name] * (1 + change) for name, change in moved.items() if name in own}
         self.original, self.terms, self.moved = base, tuple(terms), dict(moved)
         self.base = base.with_parameters(self.inner) if self.inner else base
         self.shares, self.validated, self.gears = shares, validated, tuple(gears)
         added = [(force_of(n, base.interface.brake_unit), x) for n, x in moved.items() if n not in own]
-        self.added = _added(self.terms, added, self._carried)
+        self.added = _added(self.terms, added)
         self._exogenous: dict[str, Array] = {}
 
     @property
@@ -144,7 +125,6 @@ class CorrectedTruck:
             self.shares,
             self.validated if validated is None else validated,
             self.gears,
-            self._carried,
         )
 
     def marked(self, validated: bool) -> CorrectedTruck:
@@ -204,7 +184,6 @@ class CorrectedTruck:
             "shares": to_json(self.shares),
             "validated": self.validated,
             "gears": list(self.gears),
-            "carried": self._carried,
             "mechanisms": {
                 t.effect: LIBRARY.files[t.effect]
                 for t in self.terms
@@ -214,9 +193,7 @@ class CorrectedTruck:
         (path / MANIFEST).write_text(json.dumps(manifest, indent=1))
 
 
-def _added(
-    terms: Sequence[Term], forces_of_moved: Sequence[tuple[Expression, float]], carried: Mapping[str, float]
-) -> Added:
+def _added(terms: Sequence[Term], forces_of_moved: Sequence[tuple[Expression, float]]) -> Added:
     """The columns of the terms, and the forces of changed parameters that the base truck lacks."""
     forces = list(forces_of_moved)
     paths = []
@@ -226,7 +203,7 @@ def _added(
                 paths.append((column.expression.path, column.expression.amount, b))
             elif b != 0.0:
                 forces.append((column.expression, b))
-    return Added(tuple(forces), tuple(paths), carried)
+    return Added(tuple(forces), tuple(paths))
 
 
 def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
@@ -256,12 +233,9 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
         shares = from_json(Shares, manifest["shares"]) if manifest.get("shares") else None
         base = load_simulator(path / "base")
         gears = tuple(float(gear) for gear in manifest.get("gears", ()))
-        moved, carried = (
-            {str(name): float(value) for name, value in manifest.get(key, {}).items()}
-            for key in ("parameters", "carried")
-        )
-        _check_numbers(terms, gears, moved, carried)
-        return CorrectedTruck(base, terms, moved, shares, bool(manifest["validated"]), gears, carried)
+        moved = {str(name): float(value) for name, value in manifest.get("parameters", {}).items()}
+        _check_numbers(terms, gears, moved)
+        return CorrectedTruck(base, terms, moved, shares, bool(manifest["validated"]), gears)
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError, IndexError) as error:
@@ -269,12 +243,8 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
         raise InputError(f"{path / MANIFEST} is damaged ({said}); run the mismatch tool again") from None
 
 
-def _check_numbers(
-    terms: Sequence[Term], gears: Sequence[float], moved: Mapping[str, float], carried: Mapping[str, float]
-) -> None:
-    """Raises ValueError for numbers and names that a correction cannot have."""
-    numbers = [*gears, *moved.values(), *carried.values(), *(b for t in terms for b in t.coefficients)]
+def _check_numbers(terms: Sequence[Term], gears: Sequence[float], moved: Mapping[str, float]) -> None:
+    """Raises ValueError for numbers that a correction cannot have."""
+    numbers = [*gears, *moved.values(), *(b for t in terms for b in t.coefficients)]
     if not all(isinstance(x, int | float) and math.isfinite(x) for x in numbers):
         raise ValueError("it holds a value that is no number")
-    if not set(carried) <= set(CARRIERS):
-        raise ValueError(f"it carries {', '.join(carried)}")

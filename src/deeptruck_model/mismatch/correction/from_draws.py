@@ -100,6 +100,12 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
     )
 
 
+def uncorrected(simulator: Simulator, why: str) -> Correction:
+    """No correction, with the reason as a remark."""
+    given = _truck(simulator, None)
+    return Correction(given, given, caveats=(why,))
+
+
 def _stated(p: Posterior, found: Sequence[Named]) -> tuple[list[str], list[Part]]:
     """Parameters that are found, and the form of every other accepted name that carries most of its force to
     other drives."""

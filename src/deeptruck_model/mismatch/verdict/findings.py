@@ -111,7 +111,8 @@ def _alternatives(c: Compared, correction: Correction, f: Finding, named: Named)
         else:
             b = p.on_columns(name, term.columns, given).mean(axis=0)
             usual = float(np.max(np.abs(b) / (np.abs(term.prior.mean) + term.prior.sd)))
-            known = [x for x in sizes_of(term, p, given).values() if x.ci95 is not None]
+            own = f.parameters if name == f.effect else sizes_of(term, p, given)
+            known = [x for x in own.values() if x.ci95 is not None]
             known.sort(key=lambda x: -abs(x.value) if x.drive else 0.0)  # of drives the one that differs most
             size = known[0] if known else None
             yield Alternative(name, probability, size, usual)

@@ -153,17 +153,15 @@ LATE = Term("brake_lag", (variant("lag", side="delay", tau_s=0.5),), (1.0,))
 NEAR = Term("drafting", (variant("exponential", length_m=20.0, usual_m=NOBODY_M),), (0.4,))
 
 
-def _corrected(
-    terms: list[Term], moved: dict[str, float], carried: dict[str, float] | None = None
-) -> CorrectedTruck:
-    return CorrectedTruck(TRUCK, terms, moved, None, False, (), carried)
+def _corrected(terms: list[Term], moved: dict[str, float]) -> CorrectedTruck:
+    return CorrectedTruck(TRUCK, terms, moved, None, False)
 
 
 CORRECTIONS: list[Simulator] = [
     TRUCK,
     _corrected([], {"mass": 0.1}),
     _corrected([DRAG], {}),
-    _corrected([DRAG], {"mass": -0.05, "torque_gain": 0.1}, {"engine": 1.1}),
+    _corrected([DRAG], {"mass": -0.05, "torque_gain": 0.1}),
     _corrected([replace(DRAG, coefficients=(0.1,)), LATE], {"drag_area": 0.2}),
     _corrected([LATE], {}),
     _corrected([NEAR], {}),
