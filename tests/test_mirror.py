@@ -29,7 +29,6 @@ deeptruck_model.cli: mismatch | deeptruck_model/mismatch/test_cli.py
 deeptruck_model.fleet: page | deeptruck_model/fleet/test_run.py
 deeptruck_model.deep: card preparation | deeptruck_model/deep/test_training.py
 deeptruck_model.deep.kernels: inference layers | deeptruck_model/deep/test_truck.py
-deeptruck_model.fmu: description variables | deeptruck_model/fmu/test_foreign.py
 deeptruck_model.mismatch.verdict: sizes | deeptruck_model/mismatch/verdict/test_findings.py
 deeptruck_model.mismatch.residual.expression: memory | deeptruck_model/mismatch/residual/test_expression.py
 deeptruck_model.mismatch.mechanisms: brakes commands | deeptruck_model/mismatch/mechanisms/test_mechanisms.py

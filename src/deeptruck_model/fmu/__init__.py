@@ -1,10 +1,5 @@
-"""FMUs: imports other simulators, and exports simulators of this package.
+"""FMUs: those of others as simulators, and simulators of this package as FMUs (extra 'fmu')."""
 
-`make` turns a .fmu file and the meaning of its variables into an object that `outside` accepts as a
-simulator; `export` writes an FMU. FMPy and PythonFMU3, extra 'fmu', are loaded when they are needed.
-"""
-
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from deeptruck_core.imports import lazy
@@ -12,12 +7,6 @@ from deeptruck_core.imports import lazy
 if TYPE_CHECKING:
     from deeptruck_model.fmu.truck import FmuTruck, make
 
-__all__ = ["FmuTruck", "make", "slave_file"]
-
-
-def slave_file() -> Path:
-    """The file that runs inside an exported FMU."""
-    return Path(__file__).with_name("slave.py")
-
+__all__ = ["FmuTruck", "make"]
 
 __getattr__ = lazy.names(__name__, {"truck": ("FmuTruck", "make")})

@@ -6,7 +6,7 @@ Python that runs the FMU must have deeptruck installed; the FMU contains no othe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from deeptruck_model import simulators
 
 FOLDER = "simulator"  # in the FMU's resources
 NEAR = 1e-9  # s, in which two times are one
+RESPONSE = {"speed": "m/s", "acceleration": "m/s^2"}
 UNITS: dict[str, dict[str, float]] = {  # as FMI has them: exponents of the SI base units, and a factor
     "m/s": {"m": 1, "s": -1},
     "m/s^2": {"m": 1, "s": -2},
@@ -30,13 +31,9 @@ UNITS: dict[str, dict[str, float]] = {  # as FMI has them: exponents of the SI b
     "g/s": {"kg": 1, "s": -1, "factor": 1e-3},
     "cm^3/s": {"m": 3, "s": -1, "factor": 1e-6},
     "rad/s": {"rad": 1, "s": -1},
-    "kg": {"kg": 1},
-    "m^2": {"m": 2},
     "m": {"m": 1},
     "s": {"s": 1},
 }
-RATIO = "1"  # a grade, as rise over run
-FORCES_END = "_force"
 
 
 @cache
@@ -50,84 +47,66 @@ class Truck(Fmi3Slave):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        original = loaded(str(Path(self.resources)))
-        self.truck, self.parameters = original, dict(original.parameters())
-        i = original.interface
-        self.modelName = "".join(c if c.isalnum() else "_" for c in f"deeptruck_{i.name}")
-        self.description = f"The truck {i.name}, longitudinal, stepped by {original.dt:g} s"
-        self.default_experiment = DefaultExperiment(0.0, 10.0, original.dt)
-        self.start = {"initial_speed": 0.0, "initial_acceleration": 0.0}
-        self.given = dict.fromkeys((*i.u, *i.w, "measured_speed", "measured_acceleration"), 0.0)
-        self.measured = False
-        self.state = original.reset(np.zeros((1, len(i.y))))
-        self.y: np.ndarray[Any, Any] = np.zeros((1, len(i.y)))
-        self.seen: Mapping[str, Any] | None = None
-        self.clock = 0.0
-        self._declare()
-
-    def _declare(self) -> None:
+        self.truck = loaded(str(Path(self.resources)))
         i = self.truck.interface
-        self._add(
-            "time", "s", Fmi3Causality.independent, Fmi3Variability.continuous, lambda: self.clock, None
-        )
+        self.modelName = "".join(c if c.isalnum() else "_" for c in f"deeptruck_{i.name}")
+        self.description = f"The truck {i.name}, longitudinal, stepped by {self.truck.dt:g} s"
+        self.default_experiment = DefaultExperiment(0.0, 10.0, self.truck.dt)
+        self.clock, self.measured = 0.0, False
+        self.y: np.ndarray[Any, Any] = np.zeros((1, len(i.y)))
+        self.state = self.truck.reset(self.y)
+        self.values: dict[str, float] = {}  # of inputs and parameters
+        self._variable("time", "s", Fmi3Causality.independent, lambda: self.clock)
         for name in (*i.u, *i.w):
-            self._number(name, RATIO if name == "grade" else i.unit(name), self.given, Fmi3Causality.input)
-        for name, unit in (("measured_speed", "m/s"), ("measured_acceleration", "m/s^2")):
-            self._number(name, unit, self.given, Fmi3Causality.input)
+            self._given(name, "1" if name == "grade" else i.unit(name), Fmi3Causality.input)
         self.register_variable(
             Boolean("measured", causality=Fmi3Causality.input, variability=Fmi3Variability.discrete)
         )
-        for name, unit in (("initial_speed", "m/s"), ("initial_acceleration", "m/s^2")):
-            self._number(name, unit, self.start, Fmi3Causality.parameter)
-        for name in self.parameters:
-            self._number(name, None, self.parameters, Fmi3Causality.parameter)
+        for name, its in RESPONSE.items():
+            self._given(f"measured_{name}", its, Fmi3Causality.input)
+            self._given(f"initial_{name}", its, Fmi3Causality.parameter)
+        for name, value in self.truck.parameters().items():
+            self._given(name, None, Fmi3Causality.parameter, value)
         for column, name in enumerate(i.y):
-            self._output(name, CHANNELS[name].unit, partial(self._response, column))
+            self._variable(name, CHANNELS[name].unit, Fmi3Causality.output, partial(self._response, column))
         for name in self.truck.inside(self.state):
-            if name not in {*i.y, *self.parameters}:
-                self._output(name, _unit(name), partial(self._seen_now, name))
+            if name not in {*i.y, *self.values}:
+                unit = "N" if name.endswith("_force") else CHANNELS[name].unit if name in CHANNELS else None
+                self._variable(name, unit, Fmi3Causality.output, partial(self._inside, name))
 
-    def _number(self, name: str, unit: str | None, kept: dict[str, float], causality: Fmi3Causality) -> None:
-        fixed = Fmi3Variability.fixed if causality is Fmi3Causality.parameter else Fmi3Variability.continuous
+    def _given(self, name: str, unit: str | None, causality: Fmi3Causality, value: float = 0.0) -> None:
+        """Declare an input or a parameter."""
+        self.values[name] = value
+        self._variable(
+            name, unit, causality, lambda: self.values[name], lambda given: self.values.update({name: given})
+        )
 
-        def take(value: float) -> None:
-            kept[name] = value
-
-        self._add(name, unit, causality, fixed, lambda: kept[name], take)
-
-    def _output(self, name: str, unit: str | None, getter: Callable[[], float]) -> None:
-        self._add(name, unit, Fmi3Causality.output, Fmi3Variability.continuous, getter, None)
-
-    def _add(
+    def _variable(
         self,
         name: str,
         unit: str | None,
         causality: Fmi3Causality,
-        variability: Fmi3Variability,
         getter: Callable[[], float],
-        setter: Callable[[float], None] | None,
+        setter: Callable[[float], None] | None = None,
     ) -> None:
+        fixed = causality is Fmi3Causality.parameter
         if unit in UNITS:
             self.register_units([Unit(unit, **UNITS[unit])])
-        self.register_variable(
-            Float64(
-                name,
-                unit=unit if unit in UNITS else None,
-                causality=causality,
-                variability=variability,
-                getter=getter,
-                setter=setter,
-            ),
-            nested=False,
+        variable = Float64(
+            name,
+            unit=unit if unit in UNITS else None,
+            causality=causality,
+            variability=Fmi3Variability.fixed if fixed else Fmi3Variability.continuous,
+            getter=getter,
+            setter=setter,
         )
+        self.register_variable(variable, nested=False)
 
     def _response(self, column: int) -> float:
         return float(self.y[0, column])
 
-    def _seen_now(self, name: str) -> float:
-        if self.seen is None:
-            self.seen = self.truck.inside(self.state)
-        return float(self.seen[name][0])
+    def _inside(self, name: str) -> float:
+        return float(self.truck.inside(self.state)[name][0])
 
     def setup_experiment(self, start_time: float) -> None:
         """Set the start time."""
@@ -136,45 +115,25 @@ class Truck(Fmi3Slave):
     def exit_initialization_mode(self) -> None:
         """Create the truck with the given parameters, at the given speed."""
         own = self.truck.parameters()
-        changed = {name: value for name, value in self.parameters.items() if value != own[name]}
+        changed = {name: self.values[name] for name in own if self.values[name] != own[name]}
         self.truck = self.truck.with_parameters(changed)
-        y = np.zeros((1, len(self.truck.interface.y)))
-        y[0, ACCELERATION], y[0, SPEED] = self.start["initial_acceleration"], self.start["initial_speed"]
-        self.state, self.y, self.seen = self.truck.reset(y), y, None
+        self.y = self._full("initial", 0.0)
+        self.state = self.truck.reset(self.y)
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """As many steps of the truck's dt as end by the given time; commands are held in between."""
+        i = self.truck.interface
         while self.clock + self.truck.dt <= current_time + step_size + NEAR:
-            self._step()
+            if self.measured:
+                self.state = self.truck.force(self.state, self._full("measured", np.nan))
+            u, w = (np.array([[self.values[name] for name in names]]).reshape(1, -1) for names in (i.u, i.w))
+            self.state, self.y = self.truck.step(self.state, u, w)
             self.clock += self.truck.dt
         return True
 
-    def _step(self) -> None:
-        i = self.truck.interface
-        if self.measured:
-            measured = np.full((1, len(i.y)), np.nan)
-            measured[0, ACCELERATION] = self.given["measured_acceleration"]
-            measured[0, SPEED] = self.given["measured_speed"]
-            self.state = self.truck.force(self.state, measured)
-        u = np.array([[self.given[name] for name in i.u]])
-        w = np.array([[self.given[name] for name in i.w]]).reshape(1, len(i.w))
-        self.state, self.y = self.truck.step(self.state, u, w)
-        self.seen = None
-
-    def _get_fmu_state(self) -> dict[str, Any]:
-        kept = (self.truck, self.state, self.y, self.clock, self.measured)
-        return {"kept": (*kept, dict(self.given), dict(self.start), dict(self.parameters))}
-
-    def _set_fmu_state(self, state: dict[str, Any]) -> None:
-        self.truck, self.state, self.y, self.clock, self.measured, given, start, own = state["kept"]
-        self.seen = None
-        for kept, values in ((self.given, given), (self.start, start), (self.parameters, own)):
-            kept.update(values)
-
-
-def _unit(name: str) -> str | None:
-    if name.endswith(FORCES_END):
-        return "N"
-    if name in CHANNELS:
-        return CHANNELS[name].unit
-    return None
+    def _full(self, which: str, other: float) -> np.ndarray[Any, Any]:
+        """The measured or initial response (1, n_y), `other` where it is not given."""
+        y = np.full((1, len(self.truck.interface.y)), other)
+        y[0, ACCELERATION] = self.values[f"{which}_acceleration"]
+        y[0, SPEED] = self.values[f"{which}_speed"]
+        return y

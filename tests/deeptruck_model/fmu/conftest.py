@@ -1,4 +1,4 @@
-"""FMUs of our own physics truck, as files."""
+"""An FMU of our own physics truck, and its mapping."""
 
 from __future__ import annotations
 
@@ -8,19 +8,28 @@ import pytest
 
 from deeptruck_model.fmu import export
 
+MAPPING = """
+name: trucksim
+inputs: {engine_command: engine_command, brake_command: brake_command, grade: grade}
+outputs:
+  {speed: speed, fuel_rate: fuel_rate, gear: gear, engine_speed: engine_speed, traction_force: traction_force,
+   brake_force: brake_force, drag_force: drag_force, rolling_force: rolling_force}
+start: {speed: initial_speed, acceleration: initial_acceleration}
+measured: {speed: measured_speed, acceleration: measured_acceleration, active: measured}
+parameters: {mass: mass, drag_area: drag_area}
+"""
+
 
 @pytest.fixture(scope="session")
-def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def own_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """`truck:trucksim` as an FMU."""
     out = tmp_path_factory.mktemp("fmu") / "own.fmu"
     export.export("truck:trucksim", out)
     return out
 
 
-@pytest.fixture(scope="session")
-def heavy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same truck with a mass of 24 t in place of 20 t."""
-    place = tmp_path_factory.mktemp("heavy")
-    (place / "heavy.yaml").write_text("mass: 24000\n")
-    export.export(f"truck:trucksim:{place / 'heavy.yaml'}", place / "heavy.fmu")
-    return place / "heavy.fmu"
+@pytest.fixture
+def own(own_fmu: Path, tmp_path: Path) -> str:
+    """The same as a simulator's text, with a mapping of its own in own.yaml."""
+    (tmp_path / "own.yaml").write_text(MAPPING)
+    return f"fmu:{own_fmu}:{tmp_path / 'own.yaml'}"

@@ -4,9 +4,6 @@
    in steps of 0.01 s, and never backwards. A step from another time than its own is an error. Numbers of variables, from 0:
    torque (N m), pedal (percent), slope, v (m/s), mass, drag, rolling, v_start, brake (N at the full pedal) */
 #include <math.h>
-#ifndef SILENT
-#define SILENT 0 /* 1: the speed is an output from the first step on */
-#endif
 #include <stdlib.h>
 #include <string.h>
 #if FMI == 2
@@ -55,7 +52,7 @@ static Status put(Truck *t, const Reference *which, size_t n, const double *valu
 static Status get(Truck *t, const Reference *which, size_t n, double *values) {
   for (size_t i = 0; i < n; i++) {
     if (which[i] >= COUNT) return WRONG;
-    values[i] = SILENT && which[i] == V && t->clock == 0 ? 0 : t->x[which[i]];
+    values[i] = t->x[which[i]];
   }
   return OK;
 }

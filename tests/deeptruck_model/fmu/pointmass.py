@@ -1,8 +1,4 @@
-"""A truck in C as an FMU of FMI 2 or 3, compiled against FMPy's headers, independent of our code.
-
-`recorded` drives the same physics in numpy, with one brake in six that releases late: the effect that the FMU
-lacks.
-"""
+"""A truck in C as an FMU of FMI 2 or 3, compiled against FMPy's headers, independent of our code."""
 
 from __future__ import annotations
 
@@ -12,12 +8,7 @@ import subprocess
 import zipfile
 from pathlib import Path
 
-import numpy as np
 import pytest
-
-from deeptruck_core.signals import TruckInterface
-from deeptruck_model.recordings import Recording
-from deeptruck_model.trucks import driving_cycles
 
 SOURCE = Path(__file__).with_name("pointmass.c")
 VARIABLES = {  # causality, variability, start
@@ -39,20 +30,14 @@ inputs:
   grade: {variable: slope, unit: '1'}
 outputs: {speed: {variable: v, unit: m/s}}
 parameters:
-  mass: {variable: m, low: 10000, high: 40000}
-  drag_area: {variable: cda, low: 2, high: 12}
-  rolling_resistance: {variable: c_r, low: 0.002, high: 0.02}
+  mass: m
+  drag_area: {variable: cda, factor: 1}
 start: {speed: {variable: v_start, unit: m/s}}
 """
-INTERFACE = TruckInterface("pointmass", engine_unit="N m", brake_unit="percent", grade=True, fuel=False)
-BODY = {"mass": 20000.0, "drag_area": 6.0, "rolling_resistance": 0.006}
-MOST_TORQUE, FULL_BRAKE, GEAR = 1500.0, 120000.0, 20.0  # N m, N, N at the road for 1 N m
-STICKING_SHARE, LETS_GO_S = 1 / 6, 20.0
 
 
-def built(folder: Path, fmi: int, *, silent: bool = False) -> Path:
-    """pointmass.fmu for FMI 2 or 3; skips the test if there is no compiler. `silent`: the speed is an output
-    from the first step on only."""
+def built(folder: Path, fmi: int) -> Path:
+    """pointmass.fmu for FMI 2 or 3, with map.yaml beside it; skips the test if there is no compiler."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("no C compiler here")
@@ -61,7 +46,7 @@ def built(folder: Path, fmi: int, *, silent: bool = False) -> Path:
     headers = Path(fmpy.__file__).parent / "c-code"
     library, rest = folder / "pointmass.so", folder / "rest.c"
     rest.write_text(_refusing(headers / f"fmi{fmi}Functions.h"))
-    options = ["-shared", "-fPIC", "-O2", "-w", f"-DFMI={fmi}", f"-DSILENT={silent:d}", f"-I{headers}"]
+    options = ["-shared", "-fPIC", "-O2", "-w", f"-DFMI={fmi}", f"-I{headers}"]
     subprocess.run([compiler, *options, str(SOURCE), str(rest), "-o", str(library)], check=True)
     platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple
     file = folder / "pointmass.fmu"
@@ -102,36 +87,3 @@ def _description(fmi: int) -> str:
         f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription {about}>{slave}{variables}'
         f"<ModelStructure>{outputs}</ModelStructure></fmiModelDescription>"
     )
-
-
-def recorded(name: str, seconds: float, seed: int, sticking: float = STICKING_SHARE) -> Recording:
-    """A drive of the point mass with a driver, one brake that releases late, and sensor noise."""
-    rng = np.random.default_rng(seed)
-    targets = driving_cycles.speed_profile(seconds, seed=rng)
-    road = driving_cycles.road_grade(float(targets.sum()) * 0.12 + 2000.0, seed=rng)
-    v, held, at, rows = float(targets[0]), 0.0, 0.0, []
-    a = 0.0
-    for target in targets:
-        grade = float(road[int(at / 10.0)])
-        wanted = BODY["mass"] * (0.8 * (target - v) + 9.81 * (0.006 + grade)) + 3.6 * v * v
-        torque = float(np.clip(wanted / GEAR, 0.0, MOST_TORQUE))
-        pedal = float(np.clip(-100.0 * wanted / FULL_BRAKE, 0.0, 100.0))
-        rows.append((torque, pedal, grade, a, v))
-        before = v
-        for _ in range(10):
-            pressed = sticking * FULL_BRAKE * pedal / 100.0
-            held = max(pressed, held * (1.0 - 0.01 / LETS_GO_S))
-            force = GEAR * torque - FULL_BRAKE * pedal / 100.0 - (held - pressed) * (v > 0.5)
-            force -= 3.6 * v * v + 9.81 * BODY["mass"] * (BODY["rolling_resistance"] + grade)
-            v = max(v + 0.01 * force / BODY["mass"], 0.0)
-        a, at = (v - before) / 0.1, at + 0.1 * v
-    columns = dict(
-        zip(
-            ("engine_command", "brake_command", "grade", "acceleration", "speed"),
-            np.array(rows).T,
-            strict=True,
-        )
-    )
-    for channel, sd in (("speed", 0.03), ("acceleration", 0.05), ("grade", 0.001)):
-        columns[channel] = columns[channel] + rng.normal(0.0, sd, len(targets))
-    return Recording(name=name, dt=0.1, channels=columns, interface=INTERFACE, notes=())

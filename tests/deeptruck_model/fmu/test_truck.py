@@ -1,21 +1,29 @@
-"""An FMU drives as the truck in it: free, forced, in batches, from any state; it is kept by its hash."""
+"""FMUs of ours and of nobody's drive as what is in them: free, forced, in batches, from any state."""
 
 from __future__ import annotations
 
 import shutil
+import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from fmpy import simulate_fmu
+from fmpy.validation import validate_fmu
 
 from deeptruck_cacc.environments.adapters import CaccGymEnv
 from deeptruck_core.errors import InputError
 from deeptruck_model import checks, simulators, trucks
+from deeptruck_model.fmu.truck import FEWEST
 from deeptruck_model.mismatch import CorrectedTruck
 from deeptruck_model.simulators import Array, protocol_check
 from deeptruck_model.trucks import driving_cycles
 
-NO_FORCING = "measured: {speed: null, acceleration: null, active: null}\n"
+sys.path.append(str(Path(__file__).parent))
+import pointmass
+
+FMI = pytest.mark.parametrize("fmi", [2, 3])
 
 
 def drive(seconds: float) -> tuple[Array, Array, Array]:
@@ -26,89 +34,132 @@ def drive(seconds: float) -> tuple[Array, Array, Array]:
 
 
 @pytest.mark.parametrize("forced", [False, True])
-def test_a_run_is_that_of_the_truck_in_it(own: Path, forced: bool) -> None:
-    u, w, y = drive(120.0)
+def test_a_run_is_that_of_the_truck_in_it(own: str, forced: bool) -> None:
+    u, w, y = drive(60.0)
     ours, its = (
-        simulators.load(text).rollout(u, w, y[:, 0], y if forced else None)  # type: ignore[attr-defined]
-        for text in ("truck:trucksim", f"fmu:{own}")
+        simulators.forced_run(s, u, w, y) if forced else simulators.free_run(s, u, w, y[:, 0])
+        for s in map(simulators.load, ("truck:trucksim", own))
     )
     np.testing.assert_allclose(its.y, ours.y, atol=1e-9)
     for name in ("gear", "traction_force", "mass"):
         np.testing.assert_allclose(its.inside[name], ours.inside[name], atol=1e-9)
 
 
-def test_steps_are_the_run_and_old_states_are_gone_on_from(own: Path) -> None:
-    u, w, y = drive(15.0)
-    truck = simulators.load(f"fmu:{own}")
-    whole = simulators.free_run(truck, u, w, y[:, 0]).y
-    state, kept = truck.reset(y[:, 0]), []
-    for k in range(120):
+def test_old_states_are_gone_on_from_in_more_rows_than_instances(own: str) -> None:
+    truck, rows = simulators.load(own), 2 * FEWEST
+    u, w, y = drive(4.0)
+    u, w, y0 = np.repeat(u, rows, 0), np.repeat(w, rows, 0), np.repeat(y[:, 0], rows, 0)
+    y0[:, 1] += np.arange(rows)
+    state, kept, seen = truck.reset(y0), [], []
+    for k in range(20):
         kept.append(state)
         state, now = truck.step(state, u[:, k], w[:, k])
-        np.testing.assert_array_equal(now, whole[:, k + 1])
-    for k in (110, 3, 64):  # from a kept state of the FMU, from its start, and between
-        np.testing.assert_array_equal(truck.step(kept[k], u[:, k], w[:, k])[1], whole[:, k + 1])
+        seen.append(now)
+    for k in (19, 3, 11):
+        np.testing.assert_array_equal(truck.step(kept[k], u[:, k], w[:, k])[1], seen[k])
 
 
-def test_it_keeps_the_protocol(own: Path) -> None:
-    assert not protocol_check.missing(protocol_check.examine(simulators.load(f"fmu:{own}")))
+def test_it_keeps_the_protocol(own: str) -> None:
+    assert not protocol_check.missing(protocol_check.examine(simulators.load(own)))
 
 
-def test_without_an_input_for_it_a_recorded_speed_is_a_new_start(own: Path, tmp_path: Path) -> None:
-    file = tmp_path / "map.yaml"
-    file.write_text(NO_FORCING + "restart_beyond: 0.5\n")
-    truck = simulators.load(f"fmu:{own}:{file}")
-    state = truck.reset(np.array([[0.0, 15.0, 0.0]]))
-    near, far = (truck.force(state, np.array([[0.0, v, 0.0]])) for v in (15.3, 18.0))
-    speeds = [truck.step(s, np.zeros((1, 2)), np.zeros((1, 1)))[1][0, 1] for s in (state, near, far)]
-    assert speeds[0] == speeds[1] and abs(speeds[2] - 18.0) < 0.1
+@FMI
+def test_an_fmu_in_c_drives_as_fmpy_drives_it(tmp_path: Path, fmi: int) -> None:
+    """It refuses a step from another time than its own, has no state to keep, and takes no recorded speed."""
+    file = pointmass.built(tmp_path, fmi)
+    assert validate_fmu(str(file)) == []
+    truck = simulators.load(f"fmu:{file}:{tmp_path / 'map.yaml'}")
+    assert truck.parameters() == {"mass": 20000.0, "drag_area": 6.0}
+    rng = np.random.default_rng(1)
+    u = np.stack([rng.uniform(0, 1500, 60), 30.0 * (rng.random(60) > 0.8)], -1)
+    w = rng.normal(0.0, 0.01, (60, 1))
+    rows = [(0.1 * k, *u[k], *w[k]) for k in range(60)]
+    given = np.array(rows, [("time", float), ("torque", float), ("pedal", float), ("slope", float)])
+    told = simulate_fmu(
+        str(file), start_values={"v_start": 15.0, "m": 25000.0}, input=given, output=["v"], stop_time=5.9,
+        step_size=0.1, output_interval=0.1, fmi_type="CoSimulation",
+    )  # fmt: skip
+    heavy = truck.with_parameters({"mass": 25000.0})
+    for _ in range(2):  # a second run starts at time 0 again
+        y = simulators.free_run(heavy, u[None], w[None], np.array([[0.0, 15.0]])).y
+        np.testing.assert_allclose(y[0, 1:, 1], told["v"][1:60], atol=1e-9)
+    assert not protocol_check.missing(protocol_check.examine(truck))
 
 
-def test_a_map_gives_units_and_ranges(own: Path, tmp_path: Path) -> None:
-    file = tmp_path / "map.yaml"
-    file.write_text(
-        "outputs: {engine_speed: {variable: engine_speed, unit: rpm}}\n"
-        + "parameters: {mass: {variable: mass, low: 15000, high: 25000}}\n"
-    )
-    truck, plain = simulators.load(f"fmu:{own}:{file}"), simulators.load(f"fmu:{own}")
-    y0 = np.array([[0.0, 18.0, 0.0]])
-    turning, right = (s.inside(s.reset(y0))["engine_speed"][0] for s in (truck, plain))
-    assert turning == pytest.approx(right * np.pi / 30)
-    assert truck.with_parameters({"mass": 24000.0}).parameters()["mass"] == 24000.0
-    with pytest.raises(InputError, match="mass is 26000, which is not in its range of 15000 to 25000"):
-        truck.with_parameters({"mass": 26000.0})
+@FMI
+def test_several_of_its_steps_make_one_of_ours(tmp_path: Path, fmi: int) -> None:
+    file, mapping = pointmass.built(tmp_path, fmi), tmp_path / "map.yaml"
+    u, w, y0 = np.tile([600.0, 0.0], (1, 30, 1)), np.zeros((1, 30, 1)), np.array([[0.0, 12.0]])
+    whole = simulators.free_run(simulators.load(f"fmu:{file}:{mapping}"), u, w, y0).y
+    mapping.write_text(f"{pointmass.MAPPING}step: 0.02\n")
+    parts = simulators.free_run(simulators.load(f"fmu:{file}:{mapping}"), u, w, y0).y
+    np.testing.assert_allclose(parts, whole, atol=1e-9)
 
 
-def test_it_is_loaded_again_by_its_path_and_hash(own: Path, tmp_path: Path) -> None:
+@FMI
+def test_without_an_input_for_it_a_recorded_speed_is_a_new_start(tmp_path: Path, fmi: int) -> None:
+    truck = simulators.load(f"fmu:{pointmass.built(tmp_path, fmi)}:{tmp_path / 'map.yaml'}")
+    state = truck.force(truck.reset(np.array([[0.0, 15.0]] * 2)), np.array([[0.0, 18.0], [np.nan, np.nan]]))
+    speeds = truck.step(state, np.zeros((2, 2)), np.zeros((2, 1)))[1][:, 1]
+    np.testing.assert_allclose(speeds, [18.0, 15.0], atol=0.1)
+
+
+def test_it_is_loaded_again_by_its_path_and_hash(own: str, own_fmu: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.fmu"
-    shutil.copy(own, copy)
-    simulators.load(f"fmu:{copy}").with_parameters({"mass": 22000.0}).save(tmp_path / "kept")
+    shutil.copy(own_fmu, copy)
+    truck = simulators.load(own.replace(str(own_fmu), str(copy)))
+    truck.with_parameters({"mass": 22000.0}).save(tmp_path / "kept")
     assert simulators.load(tmp_path / "kept").parameters()["mass"] == 22000.0
+    CorrectedTruck(truck, [], {"mass": -0.1}, None, True).save(tmp_path / "corrected")
+    light = truck.with_parameters({"mass": 18000.0})
+    u, w, y = drive(5.0)
+    runs = [simulators.free_run(s, u, w, y[:, 0]).y for s in (simulators.load(tmp_path / "corrected"), light)]
+    np.testing.assert_allclose(runs[0], runs[1], atol=1e-9)
     copy.write_bytes(copy.read_bytes() + b" ")
     with pytest.raises(InputError, match=r"copy.fmu of SHA-256 \w{12} is \w{12} now"):
         checks.simulator(str(tmp_path / "kept"))
 
 
-def test_the_environment_drives_it(own: Path) -> None:
-    env = CaccGymEnv(f"fmu:{own}")
+def test_the_environment_drives_it(own: str) -> None:
+    env = CaccGymEnv(own)
     env.reset(seed=1)
     observation, reward, *_ = env.step(np.array([0.2, -1.0], np.float32))
     assert np.isfinite(observation).all() and np.isfinite(float(reward))
 
 
-# A correction of an FMU with a wrong mass is kept with its reference, loads again, and drives better
-
-
-def test_the_corrected_fmu_loads_again_and_is_better(heavy: Path, tmp_path: Path) -> None:
-    truck = trucks.load("trucksim")
-    c = driving_cycles.drive(truck, seconds=60.0, seed=1).channels
-    i = truck.interface
-    u, w, y = (np.stack([c[name] for name in names], -1)[None] for names in (i.u, i.w, i.y))
-    base = simulators.load(f"fmu:{heavy}")
-    assert base.parameters()["mass"] == 24000.0
-    CorrectedTruck(base, [], {"mass": -1 / 6}, None, True).save(tmp_path / "better")
-    again = simulators.load(tmp_path / "better")
-    before, after = (
-        np.abs(simulators.free_run(s, u, w, y[:, 0]).y[:, :, 1] - y[:, :, 1]).max() for s in (base, again)
+def test_a_start_at_another_speed_is_refused(own: str, tmp_path: Path) -> None:
+    file = tmp_path / "own.yaml"
+    file.write_text(
+        file.read_text().replace("speed: initial_speed", "speed: {variable: initial_speed, unit: km/h}")
     )
-    assert after < 1e-6 < 0.1 < before
+    truck = simulators.load(own)
+    with pytest.raises(
+        InputError, match=r"is at 7\S* m/s one step after it was to start at 20; .*initial_speed"
+    ):
+        truck.step(truck.reset(np.array([[0.0, 20.0, 0.0]])), np.zeros((1, 2)), np.zeros((1, 1)))
+
+
+def test_files_that_are_no_fmu_or_run_elsewhere(own: str, own_fmu: Path, tmp_path: Path) -> None:
+    text, empty, other = (tmp_path / f"{name}.fmu" for name in ("text", "empty", "other"))
+    text.write_text("no zip")
+    zipfile.ZipFile(empty, "w").close()
+    for file, says in (
+        (text, "it is no FMU, or damaged"),
+        (empty, "it is no FMU, or damaged"),
+        (tmp_path / "none.fmu", "it does not exist"),
+    ):
+        with pytest.raises(InputError, match=says):
+            checks.simulator(f"fmu:{file}")
+    with zipfile.ZipFile(own_fmu) as source, zipfile.ZipFile(other, "w") as target:
+        for name in source.namelist():
+            if "linux" not in name:
+                target.writestr(name, source.read(name))
+    elsewhere = simulators.load(own.replace(str(own_fmu), str(other)))
+    with pytest.raises(InputError, match="it cannot be loaded"):
+        elsewhere.reset(np.array([[0.0, 20.0, 0.0]]))
+
+
+def test_without_fmpy_the_extra_is_named(own: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "fmpy", None)
+    with pytest.raises(InputError, match=r"pip install 'deeptruck\[fmu\]'"):
+        checks.simulator(own)
