@@ -55,7 +55,9 @@ def check_simulator(
     if place is not None:
         saved.accept(place)
         typer.echo(f"accepted: {place} stands for it as it is now")
-    typer.echo(f"{simulator} is fit for use")
+    notes = sum(bool(row.mend) for row in table)
+    but = f", but for {notes} note{'s' * (notes > 1)} above" if notes else ""
+    typer.echo(f"{simulator} is fit for use{but}")
 
 
 def _stands_for(simulator: str) -> Path:

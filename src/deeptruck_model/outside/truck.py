@@ -126,7 +126,7 @@ class OutsideTruck:
     def step(self, state: Any, u: Array, w: Array) -> tuple[Any, Array]:
         with self._asked("step"):
             after, y = self._inner.step(state, u, w)
-            return after, _numbers(y, (len(u), len(self.interface.y)))
+            return after, _numbers(y, (len(u), len(self.interface.y)), "step")
 
     def force(self, state: Any, y: Array) -> Any:
         with self._asked("force"):
@@ -171,7 +171,7 @@ class OutsideTruck:
         def checked(u: Array, w: Array, y0: Array, recorded: Array | None = None) -> Any:
             with self._asked("rollout"):
                 run = rollout(u, w, y0, recorded)
-                _numbers(run.y[:, 1:], (len(u), u.shape[1] - 1, len(self.interface.y)))
+                _numbers(run.y, (len(u), u.shape[1], len(self.interface.y)), "rollout", begins=1)
                 return run
 
         return checked
@@ -180,14 +180,16 @@ class OutsideTruck:
         return asked(self._named, method)
 
 
-def _numbers(y: Any, shape: tuple[int, ...]) -> Array:
+def _numbers(y: Any, shape: tuple[int, ...], method: str, begins: int = 0) -> Array:
     import numpy as np
 
     numbers = np.asarray(y, np.float64)
     if numbers.shape != shape:
-        raise InputError(f"its y has shape {numbers.shape}, expected {shape}; mend its step")
-    if not np.isfinite(numbers).all():
-        raise InputError("its y is not finite: it diverged, or was driven where it cannot be; mend its step")
+        raise InputError(f"its y has shape {numbers.shape}, expected {shape}; mend its {method}")
+    if not np.isfinite(numbers[:, begins:]).all():
+        raise InputError(
+            f"its y is not finite: it diverged, or was driven where it cannot be; mend its {method}"
+        )
     return numbers
 
 

@@ -22,7 +22,7 @@ from deeptruck_model.simulators import Simulator
 from deeptruck_model.simulators.running import difference
 
 SPEEDS = (0.0, 8.0, 20.0)  # m/s, of one batch
-DRIVE_S, ROLLOUT_S = 6.0, 120.0
+DRIVE_S, ROLLOUT_S = 6.0, 600.0
 ENGINE = {"N m": 1000.0, "percent": 50.0, "g/s": 10.0, "cm^3/s": 12.0}  # about half of what a truck has
 BRAKE = {"percent": 40.0, "m/s^2": 2.0, "bar": 3.0}
 GRADE = 0.03
@@ -235,11 +235,12 @@ def _rollout(s: Simulator) -> str:
     rng = np.random.default_rng(0)
     held = np.repeat(rng.uniform(0.0, 1.0, (-(-n // 50), 2)), 50, axis=0)[:n]
     u = held * [ENGINE[i.engine_unit], BRAKE[i.brake_unit] * 0.1 if i.brake_unit else 0.0]
+    w = np.repeat(rng.uniform(-GRADE, GRADE, (-(-n // 100), 1)), 100, axis=0)[:n]
     y0 = np.zeros((1, len(i.y)))
     y0[:, SPEED] = 15.0
-    if says := difference(s, u[None, :, : len(i.u)], np.zeros((1, n, len(i.w))), y0, None):
-        raise NotedError(f"it {says}", "mend it, or leave it out: whole drives go by steps meanwhile")
-    return f"drives as its steps do over {ROLLOUT_S:g} s, free, forced, and both in turn"
+    if says := difference(s, u[None, :, : len(i.u)], w[None, :, : len(i.w)], y0, None):
+        raise MissingError(f"it {says}", "mend it, or leave it out: whole drives go by steps then")
+    return f"drives as its steps do over {ROLLOUT_S:g} s in rows of their own, free, forced, and both in turn"
 
 
 def _obeys(s: Simulator, name: str, more: dict[str, float], sign: float, said: str) -> str:

@@ -117,15 +117,17 @@ def differs(simulator: Simulator, u: Array, w: Array, y0: Array, recorded: Array
 
 def difference(simulator: Simulator, u: Array, w: Array, y0: Array, recorded: Array | None) -> str:
     """Where and by how much a `rollout` differs from the steps along one drive, u (1, T, n_u); empty if it
-    does not. It is driven free, forced, and both in turn, at drawn places; what is fed back is the drive as
-    `recorded`, or else a little faster than its own."""
+    does not. Three rows begin alike and go along the drive from its start, a third and two thirds of it, so
+    that no two have the same commands and slopes: one forced, one free, one both in turn, at drawn places.
+    What is fed back is the drive as `recorded`, or else a little faster than its own."""
     rollout: Callable[..., Run] = simulator.rollout  # type: ignore[attr-defined]
     try:
         if recorded is None:
             recorded = stepped(simulator, u, w, y0, None, inside=False).y
             recorded[:, 1:, SPEED] *= 1.02
-        u, w, y0 = (np.repeat(x, 3, axis=0) for x in (u, w, y0))
-        fed = np.repeat(recorded, 3, axis=0)  # forced, free, in turn
+        begins = (0, u.shape[1] // 3, 2 * u.shape[1] // 3)
+        u, w, fed = (np.concatenate([np.roll(x, -k, axis=1) for k in begins]) for x in (u, w, recorded))
+        y0 = np.repeat(y0, 3, axis=0)
         fed[1] = np.nan
         fed[2, _free_spans(u.shape[1], simulator.dt)] = np.nan
         expected = stepped(simulator, u, w, y0, fed)
@@ -138,6 +140,8 @@ def difference(simulator: Simulator, u: Array, w: Array, y0: Array, recorded: Ar
     for name, (own, of_steps) in answers.items():
         if np.shape(own) != of_steps.shape:
             return f"answers {name} of {np.shape(own)}, its steps {of_steps.shape}"
+        if name == "y" and not np.allclose(own[:, 0], y0, rtol=AGREES, atol=AGREES, equal_nan=True):
+            return "answers y whose y[:, 0] is not y0, the start; the response to u[:, 0] is y[:, 1]"
         off = ~np.isclose(own[:, 1:], of_steps[:, 1:], rtol=AGREES, atol=AGREES, equal_nan=False)
         if off.any():
             first = int(np.flatnonzero(off.reshape(len(off), off.shape[1], -1).any(axis=(0, 2)))[0])

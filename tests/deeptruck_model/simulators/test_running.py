@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -114,8 +115,49 @@ def test_a_wrong_rollout_is_not_used_and_said(kind: type[WithRollout]) -> None:
         assert np.isfinite(made.y).all()
     assert kind.calls <= 2, "what was compared once is not compared again"
     assert WRONG[kind] in said_of_rollout(simulator)
-    row = next(r for r in protocol_check.examine(simulator) if r.about == "rollout")
-    assert row.state is Mark.NOTE and row.mend
+
+
+class OffAfterMinutes(WithRollout):
+    def rollout(self, u: Any, w: Any, y0: Any, recorded: Any = None) -> Run:
+        made = super().rollout(u, w, y0, recorded)
+        made.y[:, round(150.0 / DT) :, 1] += 0.02
+        return made
+
+
+class SharesASlope(WithRollout):
+    """That of row 0."""
+
+    def rollout(self, u: Any, w: Any, y0: Any, recorded: Any = None) -> Run:
+        return super().rollout(u, np.broadcast_to(w[:1], w.shape), y0, recorded)
+
+
+class RowEarly(WithRollout):
+    """Its first row is the response to the first command."""
+
+    def rollout(self, u: Any, w: Any, y0: Any, recorded: Any = None) -> Run:
+        made = super().rollout(u, w, y0, recorded)
+        return Run(np.concatenate([made.y[:, 1:], made.y[:, -1:]], axis=1), made.inside)
+
+
+class RowShort(WithRollout):
+    def rollout(self, u: Any, w: Any, y0: Any, recorded: Any = None) -> Run:
+        made = super().rollout(u, w, y0, recorded)
+        return Run(made.y[:, 1:], made.inside)
+
+
+@pytest.mark.parametrize(
+    ("kind", "says"),
+    [
+        (OffLater, "differs from its steps in y from 40.0 s"),
+        (OffAfterMinutes, "differs from its steps in y from 150.0 s"),
+        (SharesASlope, "differs from its steps in y from 0.1 s"),
+        (RowEarly, r"y\[:, 0\] is not y0, the start"),
+        (RowShort, r"expected \(3, 6000, 2\); mend its rollout"),
+    ],
+)
+def test_the_check_finds_it_and_says_so(kind: type[WithRollout], says: str) -> None:
+    row = next(r for r in protocol_check.examine(completed(kind())) if r.about == "rollout")
+    assert row.state is Mark.NO and re.search(says, row.says) and "leave it out" in row.mend
 
 
 def test_a_right_rollout_is_used() -> None:
