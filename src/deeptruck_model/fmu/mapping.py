@@ -22,8 +22,8 @@ SHOWN = 6  # variables of a kind that are listed
 INPUTS = ("engine_command", "brake_command", "grade")
 OUTPUTS = ("fuel_rate", *(name for name in INSIDE if name not in ("speed", "fuel_rate")))  # besides the speed
 TO_WRITE = (
-    "{inputs: {engine_command: {variable: NAME, unit: percent}}, outputs: {speed: {variable: NAME, unit: m/s}}, "
-    "start: {speed: {variable: NAME, unit: m/s}}}"
+    "{inputs: {engine_command: {variable: NAME, unit: percent}}, "
+    "outputs: {speed: {variable: NAME, unit: m/s}}, start: {speed: {variable: NAME, unit: m/s}}}"
 )
 _FACTOR = {
     **number(-1e300, 1e300),
