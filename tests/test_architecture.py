@@ -35,6 +35,7 @@ IMPORT_NAMES = {
 USED_BY_OTHERS = {  # dependencies that a dependency imports for us
     "tensorboard": "torch.utils.tensorboard",
     "msgpack": "can.interfaces.udp_multicast",
+    "onnxscript": "torch.onnx",
 }
 OPTIONAL = {"asammdf", "fastsim"}  # said to be missing where a user wants it
 TOOLS = {

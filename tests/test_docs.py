@@ -45,7 +45,6 @@ RUN_BY = {  # the snippets of other pages need what their own tests have at hand
     "docs/simulators.md": "tests/deeptruck_model/outside/test_minimal.py",
     "docs/deep_model.md": "tests/deeptruck_model/deep/test_commands.py",
     "docs/mismatch.md": "tests/deeptruck_model/mismatch/test_docs.py",
-    "docs/nodes.md": "tests/deeptruck_cacc/controllers/test_onnx_policy.py",
 }
 
 WORDS = {  # what control engineers do not say: and what they do. Phrases where one word is ordinary English

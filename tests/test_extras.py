@@ -18,7 +18,7 @@ from deeptruck_model.trucks import driving_cycles
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS = {
-    "deep": ("torch", "safetensors", "onnx", "onnxruntime", "tensorboard"),
+    "deep": ("torch", "safetensors", "onnx", "onnxscript", "tensorboard"),
     "cacc": ("gymnasium", "stable_baselines3"),
     "can": ("can", "cantools"),
     "ros": ("rclpy",),

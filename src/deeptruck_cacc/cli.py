@@ -168,7 +168,7 @@ def evaluate(
 @app.command()
 def export(
     policy: PolicyPath,
-    out: Annotated[Path, typer.Option(metavar="FILE.onnx", help="ONNX file to write.")],
+    out: Annotated[Path, typer.Option("--out", "--onnx", metavar="FILE.onnx", help="ONNX file to write.")],
 ) -> None:
     """Write a trained policy as ONNX, observation map and action scaling included.
 

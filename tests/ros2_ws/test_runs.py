@@ -57,6 +57,7 @@ def test_a_missing_option_is_one_line_and_2(start: Callable[..., Any]) -> None:
         ({"leader": "sine:perod=3"}, "'perod=3' is not one of"),
         ({"leader": "sumo:motorway"}, "use recorded:path=FILE"),
         ({"policy": "planner:truck:trucksim?economy"}, "use planner:truck:trucksim"),
+        ({"policy": "mine.onnx"}, "use the policy directory"),
         ({"road": "steep"}, "there is no 'steep'"),
         ({"rate": 33.0}, "whole multiple"),
         ({"rate": 1e6}, "rate_hz = 1000000.0 is outside"),

@@ -14,7 +14,6 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file
 
 from deeptruck_cacc.controllers.baselines import baseline
-from deeptruck_cacc.controllers.onnx_policy import SUFFIX, load_onnx
 from deeptruck_cacc.controllers.policy import MANIFEST, TYPICAL, WEIGHTS, MlpPolicy, Policy
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
 from deeptruck_core import files, reading
@@ -26,8 +25,8 @@ PLANNER = "planner:"
 
 
 def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Policy:
-    """A policy directory written by `deeptruck-cacc train`, a policy as ONNX, `baseline:NAME`, or
-    `planner:SIM`, a planner on the simulator SIM.
+    """A policy directory written by `deeptruck-cacc train`, `baseline:NAME`, or `planner:SIM`, a planner on
+    the simulator SIM.
 
     `interface` is that of the truck a baseline is to drive (default: engine torque in N m, brake in percent);
     that of a trained policy or of a planner's simulator is compared with it. Raises InputError if the path, a
@@ -40,10 +39,7 @@ def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Po
         )
     if text.startswith("baseline:"):
         return baseline(text.removeprefix("baseline:"), interface or TruckInterface("trucksim"))
-    if text.startswith(PLANNER):
-        policy = _planner(text.removeprefix(PLANNER))
-    else:
-        policy = load_onnx(Path(text)) if text.endswith(SUFFIX) else load_trained(Path(text))
+    policy = _planner(text.removeprefix(PLANNER)) if text.startswith(PLANNER) else load_trained(Path(text))
     if interface is not None and (interface.u, interface.engine_unit, interface.brake_unit) != (
         policy.interface.u,
         policy.interface.engine_unit,
@@ -151,6 +147,10 @@ def _impossible(policy: MlpPolicy) -> list[str]:
 
 def read_manifest(path: Path) -> dict[str, Any]:
     """policy.json as a dict. Raises InputError if it is missing, damaged or of unknown kind."""
+    if path.suffix == ".onnx":
+        raise InputError(
+            f"{path}: ONNX does not drive here; use the policy directory it was made from"
+        )
     if not (path / MANIFEST).exists():
         if files.unfinished(path).is_dir():
             raise InputError(f"the training of {path} is not finished; repeat its command with --resume")

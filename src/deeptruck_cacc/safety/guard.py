@@ -15,7 +15,6 @@ import numpy as np
 from deeptruck_cacc.controllers.approach import cruise
 from deeptruck_cacc.controllers.baselines import baseline
 from deeptruck_cacc.controllers.loading import load_policy
-from deeptruck_cacc.controllers.onnx_policy import OnnxPolicy
 from deeptruck_cacc.controllers.policy import TYPICAL, MlpPolicy, Observation, Policy
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, require
 from deeptruck_cacc.safety.assumptions import Assumptions
@@ -266,7 +265,7 @@ def guard(
     Of a brake command no more than `brake_limit`, in its unit, reaches the brakes, rising by `brake_rate` a
     second: a ramp is a delay by half of it.
     """
-    learned = policy if isinstance(policy, MlpPolicy | OnnxPolicy) else None
+    learned = policy if isinstance(policy, MlpPolicy) else None
     scale = learned.scale if learned else ActionScale.of(policy)
     assumed = assumed or known(policy.interface) or Assumptions()
     limit = min(brake_limit, scale.brake_high)

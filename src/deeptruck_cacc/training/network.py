@@ -79,6 +79,16 @@ class SeedBatch(torch.nn.Module):
         self.matrix = torch.tensor(features.matrix, dtype=torch.float32)
         self.offset = torch.tensor(features.offset, dtype=torch.float32)
 
+    @classmethod
+    def of(cls, policy: MlpPolicy) -> SeedBatch:
+        """A trained policy as a batch of one seed, without gradients."""
+        hidden = tuple(len(bias) for _, bias in policy.layers[:-1])
+        batch = cls([0], policy.features, policy.scale, hidden).requires_grad_(False)
+        for k, (weight, bias) in enumerate(policy.layers):
+            batch.weights[k].copy_(torch.from_numpy(weight))
+            batch.biases[k].copy_(torch.from_numpy(bias))
+        return batch
+
     @torch.no_grad()
     def start_as_follower(self, pedals: PedalMap) -> None:
         """Initialise the policies as a simple following law, so that no seed must find following by chance.

@@ -20,7 +20,7 @@ from deeptruck_core.terminal.script_start import INTERRUPTED
 
 MISSING = "{name} is not installed; pip install 'deeptruck[{extra}]'"
 EXTRA_OF = {  # of what a slim installation is without
-    **dict.fromkeys(("torch", "safetensors", "onnx", "onnxruntime", "tensorboard"), "deep"),
+    **dict.fromkeys(("torch", "safetensors", "onnx", "onnxscript", "tensorboard"), "deep"),
     **dict.fromkeys(("gymnasium", "stable_baselines3"), "cacc"),
     **dict.fromkeys(("can", "cantools"), "can"),
     **dict.fromkeys(("fmpy", "pythonfmu3"), "fmu"),

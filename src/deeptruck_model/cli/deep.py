@@ -122,7 +122,9 @@ def export(
             metavar="SIM", help="Directory of a deep truck; for --fmu also truck:NAME, or either corrected."
         ),
     ],
-    out: Annotated[Path | None, typer.Option(help="ONNX file to write.", metavar="FILE")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "--onnx", help="ONNX file to write.", metavar="FILE")
+    ] = None,
     fmu: Annotated[
         Path | None, typer.Option(help="FMU (FMI 3, co-simulation) to write; extra 'fmu'.", metavar="FILE")
     ] = None,

@@ -13,7 +13,7 @@ from deeptruck_core.terminal import console
 
 RUNS = Path("runs")
 
-Policy = Annotated[str, typer.Option(help="Policy directory, ONNX policy, baseline:NAME, or planner:SIM.")]
+Policy = Annotated[str, typer.Option(help="Policy directory, baseline:NAME, or planner:SIM.")]
 TimeGap = Annotated[float, typer.Option(help="To hold, s.")]
 Errors = Literal["clean", "noisy", "field"]
 RadarLostAt = Annotated[
