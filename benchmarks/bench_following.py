@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import shutil
 import time
-from functools import partial
+from functools import partial, reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import Policy
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.rollouts import roll_out
-from deeptruck_cacc.evaluation import evaluate, evaluate_seeds, metrics, platoon
+from deeptruck_cacc.evaluation import evaluate, metrics, platoon
 from deeptruck_cacc.training.analytic import AnalyticConfig
 from deeptruck_model import deep, simulators, trucks
 from deeptruck_model.trucks import driving_cycles
@@ -58,8 +59,12 @@ def main() -> None:
     work = args.work / args.truck
     learn(args.truck, args.seeds, work)
     simulator = {"deep": str(work / "simulator"), "truck": f"truck:{args.truck}"}
+    options = {"seed": args.seed, "baselines": (), "draw": False, "overwrite": True}
     results = {
-        name: evaluate_seeds(work / "policy", path, work / name, seed=args.seed, draw=False, overwrite=True)
+        name: [
+            evaluate(str(policy), path, work / f"{name}_{policy.name}", **options)["sets"]
+            for policy in sorted((work / "policy" / "seeds").iterdir())
+        ]
         for name, path in simulator.items()
     }
     chosen = evaluate(
@@ -93,23 +98,18 @@ def learn_simulator(truck: str, work: Path) -> None:
         deep.train([drive], work / "simulator", deep.Arguments())
 
 
-def table(results: dict[str, Any]) -> list[str]:
+def table(results: dict[str, list[dict[str, Any]]]) -> list[str]:
     """Worst and median value over the seeds, on the deep truck and on the truck itself."""
-    cells = {says: [_cell(result, path) for result in results.values()] for says, path in ROWS.items()}
+    cells = {says: [_cell(seeds, path) for seeds in results.values()] for says, path in ROWS.items()}
     rows = (f"{says} | {' | '.join(found)}" for says, found in cells.items())
     return harness.table(" | deep truck | the truck itself, zero-shot", rows)
 
 
-def _cell(result: dict[str, Any], path: tuple[str, ...]) -> str:
-    def find(sets: Any) -> Any:
-        for key in path:
-            sets = sets[key]
-        return sets
-
-    each = [find(sets) for sets in result["seeds"].values()]
-    middle = np.median([np.inf if x is None else x for x in each])
-    worst = find(result["sets"])
-    return f"{'never' if worst is None else f'{worst:.3g}'} ({middle:.3g})"
+def _cell(seeds: list[dict[str, Any]], path: tuple[str, ...]) -> str:
+    found = [reduce(getitem, path, sets) for sets in seeds]
+    each = [np.inf if x is None else x for x in found]
+    worst = min(each) if path[-1] == "rollouts_within_0.1_s" else max(each)
+    return f"{worst:.3g} ({np.median(each):.3g})".replace("inf", "never")
 
 
 def string(truck: str, policy: Path) -> list[str]:

@@ -12,7 +12,7 @@ SOURCES = (TESTS.parent / "src", TESTS.parent / "exam" / "src")
 # Files without a test of their name: their room, they, and the test that runs them.
 THROUGH = """
 deeptruck_cacc.environments: registration | deeptruck_cacc/environments/test_environment.py
-deeptruck_cacc.evaluation: overview page | deeptruck_cacc/evaluation/test_evaluation.py
+deeptruck_cacc.evaluation: page | deeptruck_cacc/evaluation/test_evaluation.py
 deeptruck_exam.cases: deep_trucks gates truth | deeptruck_exam/cases/test_cases.py
 deeptruck_exam.laws: air brakes commands driveline engine load | deeptruck_exam/laws/test_catalogue.py
 deeptruck_exam.laws: road sensors series tyres unknown | deeptruck_exam/laws/test_catalogue.py

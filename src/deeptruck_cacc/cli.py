@@ -135,33 +135,20 @@ def evaluate(
     seed: Annotated[int, typer.Option(help="Of the scenes.", min=0, max=LARGEST_SEED)] = 1000,
     shield: Annotated[bool, typer.Option(help="Let the shield limit policy and baselines.")] = False,
     full: Annotated[bool, typer.Option("--full", help="Add every scene and the platoons.")] = False,
-    planner: Annotated[
-        str, typer.Option(metavar="SIM", help="Add to the baselines a planner on this simulator.")
-    ] = "",
-    all_seeds: Annotated[
-        bool, typer.Option("--all-seeds", help="Every POLICY/seeds/K, and the worst of them.")
-    ] = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Drive a policy through the paper's scenes and field runs; write tables and figures.
+    """Drive a policy and the baselines through the paper's scenes and field runs; write tables and figures.
 
     Example: deeptruck-cacc evaluate policies/mytruck --simulator truck:trucksim --out results/mytruck
     """
     from rich.console import Console
 
     from deeptruck_cacc import evaluation
-    from deeptruck_cacc.evaluation.output import check
 
-    check(policy, simulator, out, all_seeds=all_seeds, overwrite=overwrite, planner=planner)
-    drive = evaluation.evaluate_seeds if all_seeds else evaluation.evaluate
     extent: dict[str, Any] = {"rollouts": rollouts, "seed": seed, "shield": shield, "full": full}
-    extent["planner"] = planner
     with progress("loading") as say:
-        metrics = drive(policy, simulator, out, overwrite=overwrite, say=say, **extent)
-    seen = Console()
-    wide = Console(width=max(seen.width, WIDE))
-    wide.print(evaluation.table(metrics))
-    wide.print(evaluation.best_table(metrics))
+        metrics = evaluation.evaluate(policy, simulator, out, overwrite=overwrite, say=say, **extent)
+    Console(width=max(Console().width, WIDE)).print(evaluation.table(metrics))
     typer.echo(f"metrics.json and figures in {out}; see {out / 'evaluation.html'}")
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from deeptruck_cacc.controllers.policy import POLICY
-from deeptruck_cacc.evaluation import output
+from deeptruck_cacc.evaluation import report
 from deeptruck_core.files import MARKER, Result, unfinished
 from deeptruck_exam.folder import CASE, PLANT, PROOF, REAL
 from deeptruck_model import results
@@ -24,7 +24,7 @@ RESUMABLE = (results.DEEP_TRUCK, POLICY)
 AT_ONCE = (
     results.PHYSICS_TRUCK, results.EVALUATION, results.COVERAGE, results.BAG, results.WRITTEN_BAG,
     results.CALIBRATED,
-    results.FOUND, folders.APPLIED, output.EVALUATION, drives.DRIVES, real.DRIVES,
+    results.FOUND, folders.APPLIED, report.EVALUATION, drives.DRIVES, real.DRIVES,
 )  # fmt: skip
 RECORDED = bag_place.BAG
 KINDS = (*RESUMABLE, *AT_ONCE, results.FLEET, PROOF, PLANT, REAL, CASE, RECORDED)

@@ -64,5 +64,6 @@ class _Signals(nn.Module):
     ) -> tuple[Tensor, ...]:
         signals = torch.cat([leader, speed, gap, speed * time_gap, grade], dim=1)
         action, after = self.batch(signals, signals[:, :0] if memory is None else memory)
-        engine, brake = self.batch.commands(action).split(1, dim=1)
+        commands = self.batch.commands(action)
+        engine, brake = commands[:, :1], commands[:, 1:]
         return (engine, brake) if memory is None else (engine, brake, after)

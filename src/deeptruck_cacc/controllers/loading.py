@@ -148,9 +148,7 @@ def _impossible(policy: MlpPolicy) -> list[str]:
 def read_manifest(path: Path) -> dict[str, Any]:
     """policy.json as a dict. Raises InputError if it is missing, damaged or of unknown kind."""
     if path.suffix == ".onnx":
-        raise InputError(
-            f"{path}: ONNX does not drive here; use the policy directory it was made from"
-        )
+        raise InputError(f"{path}: ONNX does not drive here; use the policy directory it was made from")
     if not (path / MANIFEST).exists():
         if files.unfinished(path).is_dir():
             raise InputError(f"the training of {path} is not finished; repeat its command with --resume")

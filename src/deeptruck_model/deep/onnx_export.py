@@ -76,6 +76,7 @@ def write(
             dynamic_shapes=tuple({axis: batch} for axis in batch_axes.values()),
             verbose=False,
         )
+    assert program is not None  # only of other exporters
     model = program.model_proto
     onnx.helper.set_model_props(model, facts)
     few = {name: x.narrow(batch_axes[name], 0, 2) for name, x in inputs.items()}

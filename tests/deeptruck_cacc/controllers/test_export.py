@@ -19,7 +19,12 @@ onnxruntime.set_default_logger_severity(3)
 
 @pytest.mark.parametrize(
     ("memory", "power", "late"),
-    [(True, True, False), (True, True, True), (True, False, False), (False, False, False)],
+    [
+        (True, True, False),
+        (False, False, False),
+        pytest.param(True, True, True, marks=pytest.mark.long),
+        pytest.param(True, False, False, marks=pytest.mark.long),
+    ],
 )
 def test_onnx_drives_like_the_policy(tmp_path, memory, power, late):
     rng = np.random.default_rng(1)
@@ -61,7 +66,5 @@ def test_the_file_says_what_its_numbers_mean(tmp_path):
     assert facts["units"] == {"engine_command": "N m", "brake_command": "percent"}
     assert facts["dt"] == 0.1 and facts["card"] == {"seed": 3}
     assert [p.name for p in tmp_path.iterdir()] == ["p.onnx"]
-    with pytest.raises(InputError, match="cannot write"):
-        export_onnx(policy, tmp_path / "p.onnx" / "below")
     with pytest.raises(InputError, match=r"p\.onnx exists already"):
         export_onnx(policy, tmp_path / "p.onnx")

@@ -4,7 +4,6 @@ from dataclasses import replace
 import numpy as np
 import onnxruntime
 import pytest
-import torch
 from typer.testing import CliRunner
 
 from deeptruck_core.errors import InputError
@@ -25,7 +24,7 @@ def run(session, truck, u, w, y0):
     return np.stack(responses, axis=1)
 
 
-@pytest.mark.parametrize(("fuel", "kind"), [(True, "black"), (True, "grey"), (False, "grey")])
+@pytest.mark.parametrize(("fuel", "kind"), [(True, "black"), (False, "grey")])
 def test_parity_with_the_truck(truck, drive, small, tmp_path, fuel, kind):
     if kind == "grey":
         interface = TruckInterface("own", fuel=fuel, **({} if fuel else {"brake_unit": None, "grade": False}))
@@ -41,16 +40,6 @@ def test_parity_with_the_truck(truck, drive, small, tmp_path, fuel, kind):
     metadata = session.get_modelmeta().custom_metadata_map
     assert json.loads(metadata["interface"])["name"] == truck.interface.name
     assert float(metadata["dt"]) == truck.dt
-
-
-def test_a_graph_that_computes_other_numbers_is_not_written(tmp_path):
-    class Random(torch.nn.Module):
-        def forward(self, x: torch.Tensor) -> tuple[torch.Tensor]:
-            return (x + torch.rand(()),)
-
-    with pytest.raises(AssertionError, match="ONNX output y"):
-        onnx_export.write(Random(), {"x": torch.zeros(3, 1)}, {"x": 0}, ["y"], {}, tmp_path / "x.onnx")
-    assert not list(tmp_path.iterdir())
 
 
 def test_the_command_exports_deep_trucks_only(truck, tmp_path):
