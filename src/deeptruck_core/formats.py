@@ -21,7 +21,7 @@ PARQUET = (".parquet", ".pq")
 WRITTEN = (".csv", ".parquet")  # tables that are written
 BAG = ".mcap"  # the one kind of rosbag that is written
 BAGS = (BAG, ".db3", ".bag")
-TABLES = (*PARQUET, ".mat", ".xlsx", ".mdf", ".dat")
+FRAMES = (".asc", ".blf", ".candump", ".log", ".mf4", ".trc")
 TEXTS = (".csv", ".tsv", ".txt", ".log", "")  # which hold signals or frames
 FRAME_OF_CANDUMP = re.compile(
     r"(?m)^\s*(?:\([\d.: -]+\)\s+\S+|\d\d:\d\d:\d\d\.\d+)\s+(?:[RT]X\s.{0,8}\s)?[0-9A-Fa-f]{3,8}(?:#|\s+\[)"
@@ -37,10 +37,8 @@ class Kind(enum.Enum):
 
 
 def kind_of(path: Path) -> Kind | None:
-    """What a file or folder holds; None for a folder with neither a bag nor Parquet files.
-
-    What is no bag, no table and no text is left to the readers of CAN logs.
-    """
+    """What a file or folder holds, a table where nothing else is known; None for a folder with neither a bag
+    nor Parquet files."""
     if path.is_dir():
         if any(any(path.glob(name)) for name in ("metadata.yaml", "*.mcap", "*.db3")):
             return Kind.BAG
@@ -48,9 +46,9 @@ def kind_of(path: Path) -> Kind | None:
     suffix = suffix_of(path)
     if suffix in BAGS:
         return Kind.BAG
-    if suffix in TEXTS:
-        return Kind.FRAMES if suffix == ".log" or holds_frames(head_of(path)) else Kind.TABLE
-    return Kind.TABLE if suffix in TABLES else Kind.FRAMES
+    if suffix in FRAMES or (suffix in TEXTS and holds_frames(head_of(path))):
+        return Kind.FRAMES
+    return Kind.TABLE
 
 
 def holds_frames(head: str) -> bool:

@@ -1,6 +1,7 @@
 """Reads frames from a log: READERS has the reader of each suffix, most of them python-can's.
 
-To add a format, write a function of a path and an Account that gives frames, and a line in READERS.
+To add a format, write a function of a path and an Account that gives frames, a line in READERS, and its
+suffix in FRAMES of `deeptruck_core.formats`, by which commands know a CAN log.
 
 `every` gives all frames of a log, `read` the extended data frames of one bus, which J1939 uses. Both count
 in an Account: a frame is used, or set aside for a stated reason. ASC, TRC and candump are text without
@@ -175,7 +176,7 @@ def _reader(path: Path) -> Callable[[Path, Account], Iterator[Frame]]:
     if not path.is_file():
         raise InputError(f"{path} is a pipe or device, not a file; give a CAN log that was recorded")
     reader = READERS.get(suffix_of(path))
-    if kind_of(path) is Kind.TABLE and suffix_of(path) not in (".txt", ""):
+    if reader is not None and kind_of(path) is Kind.TABLE and suffix_of(path) not in (".txt", ""):
         raise InputError(
             f"{path} is a table, not a CAN log: 'deeptruck-model import {typed(path)} --columns COLUMNS.yaml "
             f"--out BAG' reads tables of signals; give a CAN log here: {KINDS}"
