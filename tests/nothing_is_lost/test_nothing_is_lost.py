@@ -160,7 +160,6 @@ ALLOWED = {
     "deeptruck_model/recordings/mcap_repair.py": "the repaired bag; what was cut off or replaced is kept",
     "deeptruck_model/deep/training.py": "the resume point of a training that diverged",
     "deeptruck_model/deep/card.py": "the resume point in the draft of its own run",
-    "truck_bridge/can_logs/live.py": "the log that it has just made and in which nothing was received",
     "deeptruck_exam/folder.py": "a case that it has marked as its own and that nobody added to",
     "deeptruck_exam/cases/deep_trucks.py": "a draft with its own process's number, into the exam's own cache",
     "examples/demo/runner.py": "what a step of the demo made and nobody changed since",

@@ -63,9 +63,7 @@ def corrected(folder: Path) -> Path:
         Term("command_delay", (variant("delay", which="all", tau_s=0.2),), (1.0,)),
     ]
     shares = Shares([0.0, 30.0], [1e-3, 1e-3], [0.02, 0.02], [20.0, 8.0], 2e-4, 0.06, 2e4)
-    truck = CorrectedTruck(
-        trucks.load("trucksim"), terms, {"mass": 0.1}, shares, True, [7.0, 28.0], {"engine": 1.1}
-    )
+    truck = CorrectedTruck(trucks.load("trucksim"), terms, {"mass": 0.1}, shares, True, [7.0, 28.0])
     truck.save(folder / "sim")
     return folder / "sim" / simulators.MANIFEST
 
