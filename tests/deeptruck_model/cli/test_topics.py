@@ -23,7 +23,6 @@ TAKES_A_MAP = (
     "evaluate truck:trucksim bag --out out",
     "calibrate sim bag --out out",
     "mismatch --simulator truck:trucksim --recordings bag --out out",
-    "road found bag --out out",
 )
 
 
