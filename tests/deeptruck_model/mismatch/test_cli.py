@@ -99,7 +99,7 @@ def test_a_file_is_no_folder_and_is_said_to_be_none_before_long_computing(
     assert file.read_text() == "notes" and "Traceback" not in errors
 
 
-@pytest.mark.parametrize("command", ["mismatch", "apply", "road", "prove"])
+@pytest.mark.parametrize("command", ["mismatch", "apply", "prove"])
 def test_every_command_has_an_example(script: Callable[..., tuple[int, str, str]], command: str) -> None:
     code, said, _ = script(command, "--help")
     assert code == 0 and f"Example: deeptruck-model {command} " in said

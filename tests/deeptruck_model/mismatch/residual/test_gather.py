@@ -200,10 +200,9 @@ def test_what_a_truck_may_have_stays_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("near", [0.0, 0.02])
-def test_a_truck_of_more_than_a_hundred_tonnes_is_taken_nearer(near: float) -> None:
-    """A run ended with 'mass is 112866 kg, not 1000 to 100000'."""
-    change = accepted(TRUCK, {"mass": 112866.0 / MASS - 1.0}, near)["mass"]
-    assert 0.5 < change < 99999.0 / MASS - 1.0
+def test_a_truck_heavier_than_any_on_a_road_is_taken_nearer(near: float) -> None:
+    change = accepted(TRUCK, {"mass": 282866.0 / MASS - 1.0}, near)["mass"]
+    assert 0.5 < change < 249999.0 / MASS - 1.0
     TRUCK.with_parameters({"mass": MASS * (1.0 + change) * (1.0 + near)})
 
 
