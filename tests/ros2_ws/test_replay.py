@@ -70,7 +70,7 @@ class Watched:
     def _read(self) -> Iterator[dict[str, float]]:
         with urllib.request.urlopen(f"{self.address}events", timeout=120) as stream:
             for line in stream:
-                if line.startswith(b"data: {") and (state := json.loads(line[6:]).get("replay")):
+                if line.startswith(b"data: {") and (state := json.loads(line[6:])["state"]["replay"]):
                     yield state
 
     def until(self, holds: Callable[[dict[str, float]], bool]) -> dict[str, float]:
