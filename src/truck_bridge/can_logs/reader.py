@@ -26,6 +26,7 @@ from deeptruck_core.formats import (
     BAGS,
     FRAME_OF_CANDUMP,
     PACKED,
+    PARQUET,
     TEXTS,
     Kind,
     head_of,
@@ -176,7 +177,7 @@ def _reader(path: Path) -> Callable[[Path, Account], Iterator[Frame]]:
     if not path.is_file():
         raise InputError(f"{path} is a pipe or device, not a file; give a CAN log that was recorded")
     reader = READERS.get(suffix_of(path))
-    if reader is not None and kind_of(path) is Kind.TABLE and suffix_of(path) not in (".txt", ""):
+    if suffix_of(path) in (*TABLES_OF_FRAMES, *PARQUET) and kind_of(path) is Kind.TABLE:
         raise InputError(
             f"{path} is a table, not a CAN log: 'deeptruck-model import {typed(path)} --columns COLUMNS.yaml "
             f"--out BAG' reads tables of signals; give a CAN log here: {KINDS}"

@@ -36,7 +36,7 @@ MOST_STEPS, HALVINGS = 10, 2  # Gauss-Newton steps, and how often one that is wo
 SETTLED = 0.1  # standard deviations of a step that is the last
 BLOCK_S = 30.0  # of driving, whose errors are taken as independent
 STEP = 0.05  # of the logarithm of a constant, for its derivative
-CONSTANT_SD = 0.7  # of the logarithm of a path's amount that has no limits of its own
+CONSTANT_SD = 0.7  # of the logarithm of a constant that has no limits of its own
 SLOPE_SHARE, SLOPE_BIAS = 0.02, 0.0005  # prior sds of what a sensor of slope is off by
 WIDER = 1.5  # times standard deviations, because the noise of sensors is not quite as modelled
 REACH = 2.0  # sds between the middle of a constant's limits and either one
@@ -64,8 +64,9 @@ class Part:
         """The middle and standard deviation of the logarithm of each constant that is fitted."""
         form, values = self.mechanism.forms[self.variant.form], dict(self.variant.constants)
         limits = form.fitted if isinstance(form, Form) else {}
-        if self.paths and not limits:
-            return {n: (float(np.log(x)), CONSTANT_SD) for n, x in values.items() if isinstance(x, float)}
+        if isinstance(form, Form) and not limits:
+            known = {n: x for n, x in values.items() if isinstance(x, float) and x}
+            return {n: (float(np.log(abs(x))), CONSTANT_SD) for n, x in known.items()}
         ends = {n: np.log(each) for n, each in limits.items()}
         return {n: (float(x.mean()), float(np.ptp(x)) / 2.0 / REACH) for n, x in ends.items()}
 

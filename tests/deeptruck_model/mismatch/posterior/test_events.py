@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from small_drives import DT, N, evidence, regression
 
 from deeptruck_core.json_data import from_json, to_json
-from deeptruck_model.mismatch.mechanisms.families import EVENT, FAMILY
+from deeptruck_model.mismatch.mechanisms.families import EVENT
 from deeptruck_model.mismatch.posterior.events import (
     CLIP,
     LARGEST,
@@ -174,7 +174,7 @@ def test_what_acts_for_seconds_has_a_name_from_the_same_draws() -> None:
     within = rows_of(happened, N)
     assert not within[p.regression.rows].any()
     cause = names(p).found[0]
-    assert FAMILY[cause.name] == "engine_driveline" and not cause.lasts
+    assert not cause.lasts  # and of its family, as several names share it at 0.2 each
     assert cause.tree.families["engine_driveline"] >= 0.6
     assert np.abs(cause.force[~within]).max() < 0.05 * np.abs(lost).max()
     assert np.corrcoef(cause.force[within], lost[within])[0, 1] > 0.9
