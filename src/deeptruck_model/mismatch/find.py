@@ -33,7 +33,7 @@ from deeptruck_model.mismatch.verdict import wording
 from deeptruck_model.mismatch.verdict.decide import Stated, conclude, name_tree, tolerated, unusable
 from deeptruck_model.mismatch.verdict.findings import findings
 from deeptruck_model.mismatch.verdict.road import road
-from deeptruck_model.mismatch.verdict.where import located, witnesses
+from deeptruck_model.mismatch.verdict.where import located, with_channels, witnesses
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.several import Drives, check_paths_apart, drives
 from deeptruck_model.recordings.splits import refuse_shared
@@ -110,7 +110,9 @@ def stated(c: Compared, correction: Correction, driven: Validated) -> Stated:
     found = findings(c, correction, slope, error, tolerance)
     nodes = name_tree(c, slope)
     channels = witnesses(c.regression, c.drives.prepared, c.budget)
-    return Stated(found, *located(c.fitted, found), nodes, channels)
+    happened = [x for x in c.events if abs(x.speed_change) >= c.regression.rules.drift]
+    seen = with_channels(c.drives.prepared, happened)
+    return Stated(found, *located(c.fitted, found), seen, nodes, channels)
 
 
 def compared(

@@ -70,6 +70,8 @@ class Rules:
     # events
     false_events: float = _rule(0.05, "1/h", STATISTICS,
         "expected events in driving in which nothing happens")
+    several: int = _rule(2, "events", STATISTICS,
+        "in which a name must act, if it has no force outside events")
 
     # budget
     witness: float = _rule(0.1, "1", CHOSEN,
@@ -137,6 +139,8 @@ class Limits:
         "of a 1 s mean, above which a force acts: noise of ordinary sensors")
     witness_known: float = _rule(0.5, "1", CHOSEN,
         "of a drive in which a channel must be recorded to be a witness")
+    seldom: float = _rule(0.05, "1", CHOSEN,
+        "share of the spans of a drive in which a channel moves as in an event that names it, at most")
     witness_drives: int = _rule(5, "drives", CHOSEN,
         "left out in turn, below which no channel is a witness of a constant of each drive")
     witness_drives_slow: int = _rule(2, "drives", CHOSEN,

@@ -11,6 +11,7 @@ largest gain is compared with that of noise of the fitted model along the same d
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,8 +20,8 @@ from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from deeptruck_core.arrays import Array, Mask
-from deeptruck_core.json_data import HIDDEN, stored
-from deeptruck_model.mismatch.mechanisms.families import EVENT, FAMILY
+from deeptruck_core.json_data import HIDDEN, SPARSE, stored
+from deeptruck_model.mismatch.mechanisms.families import EVENT
 from deeptruck_model.mismatch.posterior.fitted import narrowed
 from deeptruck_model.mismatch.posterior.kernels import (
     IN_EVENTS,
@@ -37,7 +38,7 @@ from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES
 from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, Series, fit, whiten
-from deeptruck_model.mismatch.rules import Limits
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.trucks.compiled import entry
 
 Rows = NDArray[np.intp]
@@ -55,14 +56,25 @@ NULLS = 40  # simulated residuals
 SPREADS = 4  # of them, from which the filters' spread in noise is known
 MOST = 50  # events
 AT_ANY_TIME = (LAWS, VARYING)  # parts of the forces that are sought in windows
-MOST_OF = 0.5  # of an event's speed change, that its cause makes
+MOST_OF = 0.5  # of an event's speed change that its cause makes, or of its rows at a shift
+MOST_POSSIBLE = 3  # names of an event
+
+
+@dataclass(frozen=True)
+class Possible:
+    """A name that may be behind an event: the probability that it makes most of its speed change."""
+
+    name: str
+    probability: float = field(metadata=stored(digits=2))
 
 
 @dataclass(frozen=True)
 class Event:
     """A force that acts from `start_s` to `end_s` of a recording, rows `start` to `stop` of the stacked
     evidence, and the speed change it causes, m/s. `probability`: that noise along all drives has no gain as
-    large. `name` is the mechanism or family that explains it; None if several explain it about equally."""
+    large. `name` is stated only if it acts in several events; names are `possible` in any. In one of
+    `other_shift` the simulator shifts at another moment, so that it says nothing of forces. `channels` are
+    those that move otherwise than they usually do."""
 
     recording: str
     start_s: float = field(metadata=stored(digits=2))
@@ -72,50 +84,82 @@ class Event:
     name: str | None
     start: int = field(default=0, metadata=HIDDEN)
     stop: int = field(default=0, metadata=HIDDEN)
+    other_shift: bool = field(default=False, metadata=SPARSE)
+    possible: tuple[Possible, ...] = field(default=(), metadata=SPARSE)
+    channels: tuple[str, ...] = field(default=(), metadata=SPARSE)
 
 
 def with_events(regression: Regression, seed: int) -> tuple[Posterior, tuple[Event, ...]]:
-    """The posterior, and the events. The rows of events are in its draws, and left out of its `regression`.
+    """The posterior, and the events. What acts throughout is named from the rows without events, and what
+    acts for seconds afterwards from these alone.
 
-    A first look estimates the noise and selects the laws whose constants are fitted. The posterior of what
-    acts throughout finds the events; a second one has further blocks that act in these alone.
+    A first look estimates the noise and selects the laws whose constants are fitted. A first posterior finds
+    the events.
     """
     look = first_look(regression, seed=seed)
     regression = narrowed(look)
     p = posterior(regression, seed=seed, noise=look.noise)
-    happened = events(p, seed)
-    if not happened:
+    found = events(p, seed)
+    if not found:
         return p, ()
-    rows = rows_of(happened, len(regression.e))
+    rows = rows_of(found, len(regression.e))
     innovations = np.where(rows, 0.0, p.noise.innovations)  # an event is no outlier
-    noise = replace(p.noise, innovations=innovations)
-    p = posterior(regression, _in_events(regression, happened), seed=seed, noise=noise)
-    named = tuple(replace(x, name=_cause(p, x)) for x in happened)
-    return replace(p, regression=without(regression, rows)), named
+    p = posterior(without(regression, rows), seed=seed, noise=replace(p.noise, innovations=innovations))
+    return in_several(p, regression, found, seed)
 
 
-def _in_events(regression: Regression, happened: Sequence[Event]) -> list[Kernel]:
-    """Blocks that are confined to events: a force of its own in each, which has no name; and the laws of each
-    mechanism in all of those that change the speed by as much as a finding."""
-    n, least = len(regression.e), regression.rules.drift
+def in_several(
+    p: Posterior, regression: Regression, found: Sequence[Event], seed: int = 0
+) -> tuple[Posterior, tuple[Event, ...]]:
+    """The posterior with the names that act in several events, and the events with their names; `regression`
+    has their rows.
+
+    Further draws are of the residual in events, given the mean of what acts throughout: of a force of its own
+    in each, and of the laws of each mechanism in all of them. Those in which the simulator shifts at another
+    moment, or which are too small for a finding, are left out.
+    """
+    e, rules = regression.e, regression.rules
+    if e.other_shift is not None:
+        at_a_shift = [e.other_shift[x.start : x.stop].mean() >= MOST_OF for x in found]
+        found = [replace(x, other_shift=bool(own)) for x, own in zip(found, at_a_shift, strict=True)]
+    asked = [x for x in found if not x.other_shift and abs(x.speed_change) >= rules.drift]
+    within_events = copy(regression)
+    within_events.rows = regression.rows[rows_of(asked, len(e))[regression.rows]]
+    if not len(within_events.rows):
+        return p, tuple(found)
+    q = p.given(within_events, _in_events(within_events, asked), seed)
+    own = [j for j, k in enumerate(q.of) if k.part == IN_EVENTS]
+    most = {x: np.array([_makes_most(q, j, x) for j in own]) for x in asked}  # (blocks, draws) of each
+    several = np.sum(list(most.values()), axis=0) >= rules.several
+    names = [q.of[j].name for j in own]
+    named = (_named(x, names, most[x], several, rules) if x in most else x for x in found)
+    return p.beside_given(q, own, several), tuple(named)
+
+
+def _in_events(regression: Regression, asked: Sequence[Event]) -> list[Kernel]:
+    """Blocks that are confined to events: a force of its own in each, which has no name, and the laws of each
+    mechanism in all of them."""
+    n = len(regression.e)
     anything = next(k for k in kernels(regression) if k.name == UNKNOWN)
-    own = [within(replace(anything, name=EVENT, part=EVENT), rows_of([x], n), regression) for x in happened]
-    large = rows_of([x for x in happened if abs(x.speed_change) >= least], n)
+    own = [within(replace(anything, name=EVENT, part=EVENT), rows_of([x], n), regression) for x in asked]
     each = [k for k in kernels(regression) if k.part == LAWS and k.name != UNKNOWN]
-    return [*own, *(within(replace(k, part=IN_EVENTS), large, regression) for k in each if large.any())]
+    return [*own, *(within(replace(k, part=IN_EVENTS), rows_of(asked, n), regression) for k in each)]
 
 
-def _cause(p: Posterior, x: Event) -> str | None:
-    """The name, or else the family, that causes an event in most draws; None if there is none."""
-    names: dict[str, Mask] = {}
-    for j, k in enumerate(p.of):
-        if k.part == IN_EVENTS:
-            change = p.coefficients(j) @ k.features[x.start : x.stop].sum(axis=0) * p.regression.e.dt
-            acts = change * x.speed_change >= MOST_OF * x.speed_change**2
-            names[k.name] = names.get(k.name, np.zeros_like(acts)) | acts
-    for n, acts in [*names.items()]:
-        names[FAMILY[n]] = names.get(FAMILY[n], np.zeros_like(acts)) | acts
-    return next((n for n, acts in names.items() if acts.mean() >= p.regression.rules.stated), None)
+def _makes_most(q: Posterior, j: int, x: Event) -> Mask:
+    """The draws (m,) in which a block makes most of the speed change of an event."""
+    change = q.coefficients(j) @ q.of[j].features[x.start : x.stop].sum(axis=0) * q.regression.e.dt
+    out: Mask = change * x.speed_change >= MOST_OF * x.speed_change**2
+    return out
+
+
+def _named(x: Event, names: Sequence[str], most: Mask, several: Mask, rules: Rules) -> Event:
+    """An event with its name and those that are possible, from the draws (names, m) in which each makes most
+    of it, and of several events."""
+    stated = (n for n, acts in zip(names, (most & several).mean(axis=1), strict=True) if acts >= rules.stated)
+    likely = sorted(zip(most.mean(axis=1), names, strict=True), reverse=True)
+    possible = tuple(Possible(n, float(p)) for p, n in likely[:MOST_POSSIBLE] if p >= Limits.least_in)
+    return replace(x, name=next(stated, None), possible=possible)
 
 
 def rows_of(happened: Sequence[Event], n: int) -> Mask:
@@ -139,13 +183,8 @@ def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:
 def _left_over(p: Posterior, e: Evidence) -> Series:
     """The residual of all rows less the posterior mean of all forces. A held-out drive has its own sizes of
     these forces, because a form that is not exact has others there, and its own constant."""
-    b = p.draws.coefficients.mean(axis=0)
-    y = e.residual - p.mean - p.always @ b[: p.always.shape[1]]
-    for k, at in zip(p.of, p.at, strict=True):
-        if np.abs(b[at]).max(initial=0.0) > 0.0:
-            y = y - np.nan_to_num(k.features) @ b[at]
     series = e.series(p.noise.sigma)
-    y = np.where(series.valid, y, 0.0)
+    y = np.where(series.valid, p.residual(), 0.0)
     X = _most_probable_forces(p)
     prior = Prior(np.zeros(X.shape[1]), np.ones(X.shape[1]), np.zeros(X.shape[1]))
     for s in e.drives:

@@ -24,7 +24,7 @@ from deeptruck_model.mismatch.mechanisms.courses import FINE_M, SLOW_KNOT_S
 from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, EVENT, PLACE, SLOW, UNKNOWN
 from deeptruck_model.mismatch.posterior.kernels import IN_EVENTS, LAWS, VARYING, Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
-from deeptruck_model.mismatch.posterior.sampler import SIZES, SWEEPS, Blocks, Draws, Reduced, sample
+from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, SWEEPS, Blocks, Draws, Reduced, sample
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, Series, fit, ridge, whiten
 from deeptruck_model.mismatch.rules import Limits
@@ -119,15 +119,45 @@ class Posterior:
                     out += k.features @ b.mean(axis=0)
         return out
 
-    def left_over(self) -> Series:
-        """The residual less the mean of all forces, of the rows that count."""
+    def residual(self) -> Array:
+        """The residual (n,) of all rows less the mean of all forces, m/s^2."""
         b = self.draws.coefficients.mean(axis=0)
-        own = self.mean + self.always @ b[: self.always.shape[1]]
+        out = self.regression.e.residual - self.mean - self.always @ b[: self.always.shape[1]]
         for k, a in zip(self.of, self.at, strict=True):
             if np.abs(b[a]).max(initial=0.0) > 0:
-                own = own + k.features @ b[a]
+                out = out - np.nan_to_num(k.features) @ b[a]
+        return np.asarray(out)
+
+    def left_over(self) -> Series:
+        """The residual less the mean of all forces, of the rows that count."""
         series = self.regression.series
-        return replace(series, y=np.where(series.valid, series.y - own, 0.0))
+        return replace(series, y=np.where(series.valid, self.residual(), 0.0))
+
+    def given(self, regression: Regression, of: Sequence[Kernel], seed: int) -> Posterior:
+        """As many draws of other blocks `of` what the mean of this posterior leaves, in the rows of a
+        regression."""
+        blocks = _blocks(regression, of, self.always, self.residual(), self.noise)
+        first = np.arange(self.always.shape[1])
+        draws = sample(
+            blocks, first, regression.rules.evidence_temperature, seed=seed, sweeps=len(self.draws.states)
+        )
+        return replace(self, regression=regression, of=tuple(of), at=tuple(blocks.at), draws=draws)
+
+    def beside_given(self, q: Posterior, own: Sequence[int], acts: NDArray[np.bool_]) -> Posterior:
+        """This posterior with blocks of another whose draws are given its mean: `own` are these blocks, and
+        `acts` (blocks, m) the draws in which each counts."""
+        states = np.where(acts.T, q.draws.states[:, own], OUT)
+        coefficients = [q.coefficients(j) * a[:, None] for j, a in zip(own, acts, strict=True)]
+        whole = np.concatenate([self.draws.coefficients, *coefficients], axis=1)
+        ends = np.cumsum([self.draws.coefficients.shape[1], *(x.shape[1] for x in coefficients)])
+        draws = replace(
+            self.draws,
+            states=np.concatenate([self.draws.states, states], axis=1),
+            coefficients=whole,
+            alone=np.concatenate([self.draws.alone, q.draws.alone[own]]),
+        )
+        at = (*self.at, *(np.arange(a, b) for a, b in itertools.pairwise(ends)))
+        return replace(self, of=(*self.of, *(q.of[j] for j in own)), at=at, draws=draws)
 
     def beside(self, more: Sequence[Kernel]) -> Reduced:
         """The blocks of this posterior with `more` of them behind, without draws."""
@@ -150,35 +180,30 @@ class Posterior:
 
 
 def posterior(
-    regression: Regression,
-    extra: Sequence[Kernel] = (),
-    *,
-    seed: int = 0,
-    sweeps: int = SWEEPS,
-    noise: Fit | None = None,
+    regression: Regression, *, seed: int = 0, sweeps: int = SWEEPS, noise: Fit | None = None
 ) -> Posterior:
-    """Draws from the posterior of all blocks of a regression, and of those that are `extra`; beside `noise`
-    that is known, else that of `first_look`."""
+    """Draws from the posterior of all blocks of a regression; beside `noise` that is known, else that of
+    `first_look`."""
     if noise is None:
-        noise = first_look(regression, extra, seed=seed).noise
-    return _drawn(regression, extra, seed, sweeps, noise)
+        noise = first_look(regression, seed=seed).noise
+    return _drawn(regression, seed, sweeps, noise)
 
 
-def first_look(regression: Regression, extra: Sequence[Kernel] = (), *, seed: int = 0) -> Posterior:
+def first_look(regression: Regression, *, seed: int = 0) -> Posterior:
     """A few draws from the posterior, and the noise that is fitted beside their mean forces."""
     noise = regression.background(()).fit
     few, rounds = KNOWN if regression.e.known_physics else LEARNED
     for _ in range(rounds):
-        p, before = _drawn(regression, extra, seed, few, noise), noise.sigma
+        p, before = _drawn(regression, seed, few, noise), noise.sigma
         noise = fit(p.left_over(), np.zeros((len(regression.e), 0)), NO_COLUMNS, noise)
         if abs(noise.sigma - before) < STEADY * before:
             break
     return replace(p, noise=noise)
 
 
-def _drawn(regression: Regression, extra: Sequence[Kernel], seed: int, sweeps: int, noise: Fit) -> Posterior:
+def _drawn(regression: Regression, seed: int, sweeps: int, noise: Fit) -> Posterior:
     X, prior, _ = regression.design(regression.model((), frozenset()))
-    of = (*kernels(regression), *extra, *_drift(regression))
+    of = (*kernels(regression), *_drift(regression))
     error = _form_error(regression)
     always = np.concatenate([X * prior.sd, error], axis=1)
     mean = X @ prior.mean

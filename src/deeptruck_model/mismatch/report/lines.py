@@ -65,7 +65,7 @@ def headline(v: Verdict) -> str:
     if together := _together(v):
         return f"{opened(together)} are wrong together: {_next_step(v)}"
     if not v.findings:
-        count = len(v.events)
+        count = sum(not x.other_shift for x in v.events)
         besides = f", but for {count} event{'s' * (count > 1)} of seconds" if count else ""
         step = f": {_next_step(v)}" if v.validated or v.data.doubts else ""
         return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED]) + besides + step
@@ -274,21 +274,30 @@ def what(v: Verdict) -> Iterator[str]:
             "Along the fitted drives the simulator is off by ", Speed(b.speed_rmse),
             f" after up to {b.horizon_s:.0f} s. Shares of the squared error: {', '.join(large)}."
         )  # fmt: skip
-    if v.events:
-        more = len(v.events) - MOST_EVENTS
-        listed = Said.joined("; ", map(event, v.events[:MOST_EVENTS]))
-        yield Said("Events, which act for seconds: ", listed, f"; {more} more." if more > 0 else ".")
+    for other_shift, head in (
+        (False, "Events, which act for seconds: "),
+        (True, "The simulator shifts at another moment, which says nothing of forces: "),
+    ):
+        if own := [x for x in v.events if x.other_shift is other_shift]:
+            more = len(own) - MOST_EVENTS
+            listed = Said.joined("; ", map(event, own[:MOST_EVENTS]))
+            yield Said(head, listed, f"; {more} more." if more > 0 else ".")
     for w in v.witnesses[:3]:
         share, part = percent(w.share), spoken(w.part)
         yield f"The channel {w.channel} predicts {share} of the part '{part}' on drives left out."
 
 
 def event(x: Event) -> str:
-    """An event: its place, its change of speed, and its name."""
+    """An event: its place, its change of speed, the channels that move unusually, and its name, or those that
+    it may have."""
     change = " gained" if x.speed_change > 0.0 else " lost"
+    unusual = f", with an unusual {' and '.join(map(spoken, x.channels))}" if x.channels else ""
     name = f", {spoken(x.name)}" if x.name else ""
+    perhaps = " or ".join(f"{spoken(n.name)} {percent(n.probability)}" for n in x.possible)
+    if perhaps and not x.name:
+        name = f", perhaps {perhaps}"
     when = f"{x.recording}, {x.start_s:.0f} to {x.end_s:.0f} s: "
-    return Said(when, Speed(abs(x.speed_change)), change, name)
+    return Said(when, Speed(abs(x.speed_change)), change, unusual, name)
 
 
 def shares_rejected(v: Verdict) -> list[tuple[Rejection, float]]:

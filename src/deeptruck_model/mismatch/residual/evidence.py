@@ -171,6 +171,7 @@ class Evidence:
     whole: Mask | None = None  # `valid` with held-out recordings, where it is without
     user_mechanisms: tuple[Any, ...] = ()  # mechanisms of the user, which are compared beside the library
     hidden: Mask | None = None  # rows that are left out because an unrecorded brake acts
+    other_shift: Mask | None = None  # rows near which truck and simulator shift at different moments
 
     def __len__(self) -> int:
         return len(self.residual)

@@ -15,7 +15,7 @@ from deeptruck_core.signals import SPEED
 from deeptruck_core.vehicle_kinds import CLUTCH_CLOSED, GEARS_APART
 from deeptruck_model.mismatch.prepare.drives import NotRecorded, PreparedDrives, Rejection
 from deeptruck_model.mismatch.prepare.prepared import BRAKING as SLOWS_BY_BRAKES
-from deeptruck_model.mismatch.prepare.prepared import Prepared, fed, padded
+from deeptruck_model.mismatch.prepare.prepared import Prepared, fed, padded, widen
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Run, Simulator
@@ -24,6 +24,7 @@ from deeptruck_model.trucks.compiled import entry
 OTHER_GEAR_S = 1.5  # shorter differences of engine speed, or from a predicted gear, are slip or an error
 SAMPLES_APART = 3  # from which on recorded gears differ: a shift a sample sooner or later is a nuisance term
 NEAR_S = 0.5  # around a different gear, while the engine changes its speed
+RETURNS_S = 2.0  # after a shift, until the pull is back
 
 
 def other_gear(
@@ -53,6 +54,26 @@ def other_gear(
     near = np.ones(2 * round(NEAR_S / dt) + 1, dtype=bool)
     near[: len(near) // 2] = not at_once  # before it
     return [binary_dilation(binary_opening(a, lasting), near) if a.any() else a for a in apart]
+
+
+def other_shift(prepared: Sequence[Prepared], runs: Sequence[Run]) -> list[Mask]:
+    """Native samples (n,) of each recording near which truck and simulator shift at different moments: their
+    gears differ for however short, or did until a moment ago.
+
+    Compared by the recorded gear, else by the recorded engine speed. Where neither is known it may be so at
+    every change of the simulated gear.
+    """
+    inside = runs[0].inside
+    apart = _by_label(prepared, runs, numbered_alike=False) if "gear" in inside else None
+    recorded = all("engine_speed" in p.recording.channels for p in prepared)
+    if apart is None and recorded and "engine_speed" in inside:
+        apart = [_by_engine_speed(p, run) for p, run in zip(prepared, runs, strict=True)]
+    if apart is None and "gear" in inside:
+        apart = [np.diff(run.inside["gear"][0], prepend=run.inside["gear"][0, :1]) != 0.0 for run in runs]
+    if apart is None or _never_alike(apart, ()):
+        return [np.zeros(len(p.recording), dtype=bool) for p in prepared]
+    dt = prepared[0].dt
+    return [widen(a, round(NEAR_S / dt), round(RETURNS_S / dt)) for a in apart]
 
 
 def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:

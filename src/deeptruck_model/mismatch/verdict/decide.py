@@ -11,6 +11,7 @@ from deeptruck_model.mismatch.correction.from_draws import Correction
 from deeptruck_model.mismatch.correction.validate import Validated
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 from deeptruck_model.mismatch.mechanisms.families import ROOT, UNKNOWN
+from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.posterior.names import Compared, Named, Node
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives
 from deeptruck_model.mismatch.rules import Rules
@@ -172,11 +173,12 @@ def _apply(n: Numbers, kind: Conclusion, rules: Rules) -> Advice:
 @dataclass(frozen=True)
 class Stated:
     """What a verdict states: findings, largest first, the `segments` and `regimes` of driving in which they
-    act, the probabilities of all names, and channels that predict what has none."""
+    act, events, the probabilities of all names, and channels that predict what has none."""
 
     findings: tuple[Finding, ...]
     segments: tuple[Segment, ...]
     regimes: tuple[Regime, ...]
+    events: tuple[Event, ...]
     tree: tuple[Node, ...]
     witnesses: tuple[Witness, ...]
 
@@ -211,7 +213,7 @@ def conclude(c: Compared, correction: Correction, driven: Validated, stated: Sta
         kind,
         found,
         c.names.explanations,
-        tuple(x for x in c.events if abs(x.speed_change) >= rules.drift),
+        stated.events,
         stated.segments,
         stated.regimes,
         replace(driven.judged, offered=best, validated=best != AS_GIVEN),

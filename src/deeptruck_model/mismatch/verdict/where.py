@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,12 +12,14 @@ from deeptruck_core.signals import FELT, FELT_SD, Said
 from deeptruck_model.mismatch.correction.fit_result import acts, visible
 from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, SLOW
 from deeptruck_model.mismatch.posterior.budget import Budget
+from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.posterior.posterior import SLOW_S
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence, Grid, unit
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.verdict.result import Bound, Finding, Regime, Segment, Witness
+from deeptruck_model.recordings import Recording
 
 MOST_SEGMENTS, MOST_REGIMES = 60, 6
 SMALL = 1e-3  # of the range of a signal: a border so near zero is at zero to whoever reads it
@@ -135,6 +138,23 @@ def _features(e: Evidence) -> dict[str, Array]:
         )
         out["time since braking"] = np.minimum(e.since(e["brake"] > 0.1), 300.0)
     return out
+
+
+def with_channels(prepared: Sequence[Prepared], happened: Sequence[Event]) -> tuple[Event, ...]:
+    """The events with the recorded channels, besides the motion, that move in them as in few spans of the
+    same length along that drive: much more, or not at all."""
+    of = {p.recording.name: p.recording for p in prepared}
+    return tuple(replace(x, channels=tuple(_unusual(of[x.recording], x))) for x in happened)
+
+
+def _unusual(r: Recording, x: Event) -> Iterator[str]:
+    begin, end = np.searchsorted(r.time, (x.start_s, x.end_s)).tolist()
+    starts = range(0, len(r) - (end - begin) + 1, max(1, (end - begin) // 2))
+    for name in sorted(r.channels.keys() - {"speed", "acceleration"}):
+        own, *others = (float(np.ptp(r.channels[name][a : a + end - begin])) for a in (begin, *starts))
+        known = np.array(others)[np.isfinite(others)]
+        if np.isfinite(own) and np.mean(known >= own if own else known == 0.0) <= Limits.seldom:
+            yield name
 
 
 Box = dict[int, tuple[float, float]]  # lower and upper bound of a column

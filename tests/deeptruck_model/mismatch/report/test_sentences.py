@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.correction.fit_result import (
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, NOT_SIGNIFICANT, REFIT
 from deeptruck_model.mismatch.output import summary
 from deeptruck_model.mismatch.posterior.budget import Budget, Part
-from deeptruck_model.mismatch.posterior.events import Event
+from deeptruck_model.mismatch.posterior.events import Event, Possible
 from deeptruck_model.mismatch.prepare.sensors import SensorFault
 from deeptruck_model.mismatch.report import lines, page
 from deeptruck_model.mismatch.report.found import Mismatch
@@ -295,6 +295,20 @@ def test_events_are_said_with_what_they_do_to_the_speed() -> None:
     assert not any(
         line.startswith("Events") for line in lines.what(Verdict(Conclusion.NOTHING, data=Data(compared=0.9)))
     )
+
+
+def test_an_event_says_what_is_seen_and_names_as_possible_and_a_shift_stands_apart() -> None:
+    one = Event("a", 12.0, 19.0, -0.42, 0.99, None, channels=("gap",), possible=(Possible("headwind", 0.62),))
+    shift = Event("b", 3.0, 8.0, 0.3, 0.99, None, other_shift=True)
+    v = Verdict(Conclusion.NOTHING, data=Data(compared=0.9), events=(one, shift))
+    assert lines.headline(v).endswith(", but for 1 event of seconds")
+    said = [str(line) for line in lines.what(v)]
+    assert any(
+        line.endswith("a, 12 to 19 s: 0.42 m/s lost, with an unusual gap, perhaps headwind 62 %.")
+        for line in said
+    )
+    (apart,) = (line for line in said if line.startswith("The simulator shifts at another moment"))
+    assert apart.endswith("b, 3 to 8 s: 0.3 m/s gained.")
 
 
 def test_speeds_are_converted_as_numbers_before_they_are_rounded() -> None:

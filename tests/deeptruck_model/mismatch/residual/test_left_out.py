@@ -12,7 +12,12 @@ from small_drives import BRAKE_COMMAND, TRUCK, braked, drives, evidence
 
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.mismatch.prepare.drives import NotRecorded, inputs
-from deeptruck_model.mismatch.residual.left_out import braking, other_gear, with_predicted_gears
+from deeptruck_model.mismatch.residual.left_out import (
+    braking,
+    other_gear,
+    other_shift,
+    with_predicted_gears,
+)
 from deeptruck_model.mismatch.verdict.findings import names_behind
 from deeptruck_model.recordings import Recording
 
@@ -60,6 +65,25 @@ def test_nothing_is_marked_where_gears_agree_or_none_is_recorded(
     recorded: dict[str, np.ndarray[Any, Any]],
 ) -> None:
     (marked,) = other_gear([drive(**recorded)], [run(GEAR, ENGINE_SPEED)])
+    assert not marked.any()
+
+
+@pytest.mark.parametrize("recorded", [{"gear": GEAR + 1.0}, {"engine_speed": ENGINE_SPEED}])
+def test_a_shift_at_another_moment_is_marked_until_the_pull_is_back(
+    recorded: dict[str, np.ndarray[Any, Any]],
+) -> None:
+    soon = np.where(np.arange(N) < 252, 7.0, 8.0)
+    faster = np.where(np.arange(N) < 252, 150.0, 115.0)
+    (marked,) = other_shift([drive(**recorded)], [run(soon, faster)])
+    assert marked[245:272].all() and not marked[:245].any() and not marked[272:].any()
+    (marked,) = other_shift([drive(**recorded)], [run(GEAR, ENGINE_SPEED)])
+    assert not marked.any()
+
+
+def test_any_simulated_shift_may_be_at_another_moment_where_none_was_recorded() -> None:
+    (marked,) = other_shift([drive()], [run(GEAR, ENGINE_SPEED)])
+    assert marked[250:270].all() and not marked[:245].any() and not marked[271:].any()
+    (marked,) = other_shift([drive()], [SimpleNamespace(inside={})])
     assert not marked.any()
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -10,7 +12,9 @@ from small_drives import TRUCK, drives, evidence
 
 from deeptruck_model.mismatch.find import compared
 from deeptruck_model.mismatch.mechanisms.families import SLOW
+from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.posterior.names import Compared
+from deeptruck_model.mismatch.prepare.prepared import Prepared
 from deeptruck_model.mismatch.verdict import where
 from deeptruck_model.mismatch.verdict.where import witnesses
 from deeptruck_model.recordings import Recording
@@ -42,6 +46,21 @@ def test_the_leaves_are_the_corners_in_which_the_power_is_and_none_is_smaller_th
     (inside,) = [box for rows, box in leaves if hot[rows].all()]
     assert inside == {0: (pytest.approx(20.0, abs=0.05), np.inf), 1: (-np.inf, 4.5)}
     assert len(where._boxes(X, np.ones(4000), 40)) == 1
+
+
+def test_an_event_has_the_channels_that_move_in_it_as_they_seldom_do() -> None:
+    """A command that is pressed, a gear that changes, and a slope that is frozen."""
+    n = 3000
+    command = np.where((np.arange(n) // 5) % 2, 0.3, 0.31)
+    gear, grade = np.full(n, 8.0), np.sin(np.arange(n))
+    command[1010], gear[1005:1020], grade[990:1040] = 0.9, 7.0, 0.0
+    channels = {"engine_command": command, "gear": gear, "grade": grade, "speed": np.full(n, 20.0)}
+    recording = Recording("b", 0.1, channels, TRUCK.interface)
+    prepared = cast("Prepared", SimpleNamespace(recording=recording))
+    event = Event("b", 100.0, 103.0, -0.5, 1.0, None)
+    (seen, other) = where.with_channels([prepared], [event, replace(event, start_s=200.0, end_s=203.0)])
+    assert seen.channels == ("engine_command", "gear", "grade")
+    assert not other.channels
 
 
 PERIOD_S, FORCE_N = 90.0, 2500.0
