@@ -5,14 +5,15 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const shown = document.getElementById("data").dataset;
 const part = id => document.getElementById(id);
 const drives = part("drive"), channels = part("channel"), against = part("against");
-const names = Object.keys(data.labels), SPEEDS = ["speed", "simulated speed", "corrected speed"];
-const COLOURS = ["#222222", "#d55e00", "#009e73"], LAGS_S = 10, BOUND = 2.58;  // of 99 % of uncorrelated noise
+const names = Object.keys(data.units), SPEEDS = ["speed", "simulated speed", "corrected speed"];
+const COLOURS = ["#222222", "#d55e00", "#009e73"];
 data.drives.forEach((d, k) => drives.add(new Option(d.name, k)));
-let view = null, pointer = null;
+let view = null, chosen = null, pointer = null;  // `chosen`: the view that the reader dragged
 
 const per = name => SPEEDS.includes(name) ? Number(shown.per) : 1;
 const units = name => SPEEDS.includes(name) ? shown.units : data.units[name];
-const label = name => data.labels[name] + (units(name) ? `, ${units(name)}` : "");
+const spoken = name => name.replaceAll("_", " ");
+const label = name => spoken(name) + (units(name) ? `, ${units(name)}` : "");
 names.forEach(n => channels.add(new Option(label(n), n)));
 against.add(new Option("time, s", ""));
 names.forEach(n => against.add(new Option(label(n), n)));
@@ -83,7 +84,7 @@ function fit(d, name) {
   const mean = both.reduce((s, k) => s + y[k], 0) / both.length, sum = of => both.reduce((s, k) => s + of(k) ** 2, 0);
   const off = sum(k => x[k] - y[k]), varies = sum(k => y[k] - mean);
   const share = varies > 0 ? `fits ${(100 * (1 - Math.sqrt(off / varies))).toFixed(1)} %, ` : "";
-  return `${data.labels[name]} ${share}off by ${Math.sqrt(off / both.length).toPrecision(2)} ${shown.units} (rms)`;
+  return `${spoken(name)} ${share}off by ${Math.sqrt(off / both.length).toPrecision(2)} ${shown.units} (rms)`;
 }
 
 function draw() {
@@ -99,39 +100,11 @@ function draw() {
   }
   part("fit").textContent = speeds.slice(1).map(name => fit(d, name)).filter(text => text).join("; ");
   if (view) part("without").textContent = `--without ${quoted(d.name)}:${view[0].toFixed(1)}:${view[1].toFixed(1)}`;
-  part("leave").hidden = !view;
-  if (part("correlations").open) correlations(d);
+  const fault = !view || data.segments.some(x => x.drive === d.name && x.from < view[1] && x.to > view[0]);
+  part("leave").hidden = fault || chosen !== view;  // rows in which a finding acts are what it was found by
 }
 
 const quoted = name => /^[\w./-]+$/.test(name) ? name : `'${name.replaceAll("'", "'\\''")}'`;
-
-// Correlation of x with y that is so many rows later.
-function correlation(x, y, lag) {
-  let n = 0, sx = 0, sy = 0, xx = 0, yy = 0, xy = 0;
-  for (let k = Math.max(0, -lag); k < x.length && k + lag < y.length; k++) {
-    const a = x[k], b = y[k + lag];
-    if (!known(a) || !known(b)) continue;
-    n++; sx += a; sy += b; xx += a * a; yy += b * b; xy += a * b;
-  }
-  const both = Math.sqrt(Math.max(xx - sx * sx / n, 0) * Math.max(yy - sy * sy / n, 0));
-  return both > 0 ? (xy - sx * sy / n) / both : null;
-}
-
-const lags = ["lags-itself", "lags-channel"].map(id => new Chart(part(id), {height: 150, under: chart => chart.band(...chart.bound)}));
-
-function correlations(d) {
-  const name = channels.value, [step, missing, other] = together(d, ["missing", name]), most = Math.round(LAGS_S / step);
-  const bound = BOUND / Math.sqrt(Math.max(missing.filter(known).length, 1)), ends = [-most * step, most * step];
-  const k = Array.from({length: 2 * most + 1}, (_, i) => i - most), xs = k.map(i => i * step);
-  [[missing, "missing, itself"], [other, data.labels[name].slice(0, 22)]].forEach(([x, says], i) => {
-    lags[i].bound = [ends, [-bound, -bound], [bound, bound], GREY];
-    lags[i].draw([{xs, ys: k.map(lag => correlation(x, missing, lag)), colour: "#0072b2"}], ends, [-1, 1], "lag, s", says);
-  });
-  const ranked = names.filter(n => n !== "missing" && n !== "explained" && !n.startsWith("part: ") && d.columns[n])
-    .map(n => [n, correlation(...together(d, ["missing", n]).slice(1), 0)]).filter(([, r]) => r !== null)
-    .sort((a, b) => Math.abs(b[1]) - Math.abs(a[1])).slice(0, 8);
-  part("ranked").textContent = ranked.map(([n, r]) => `${data.labels[n]} ${r.toFixed(2)}`).join(", ");
-}
 
 let queued = false;
 
@@ -145,18 +118,17 @@ function moved(t) {
 function tell() {
   const d = data.drives[drives.value], t = pointer, all = [...SPEEDS, "missing", "explained", channels.value];
   const list = [...new Set(all)].filter(n => d.columns[n] && t !== null && at(d, n, t) !== null);
-  part("cursor").textContent = t === null ? "" : `${t.toFixed(1)} s: ${list.map(n => `${data.labels[n]} ${said(at(d, n, t), units(n))}`).join(", ")}`;
+  part("cursor").textContent = t === null ? "" : `${t.toFixed(1)} s: ${list.map(n => `${spoken(n)} ${said(at(d, n, t), units(n))}`).join(", ")}`;
 }
 
 function marked(from, to) {
   if (to - from <= 4 * column(data.drives[drives.value], "speed").step) return;
-  view = [from, to];
+  view = chosen = [from, to];
   draw();
 }
 
 drives.onchange = () => { view = null; draw(); };
 channels.onchange = against.onchange = draw;
-part("correlations").ontoggle = draw;
 part("strip").ondblclick = () => { view = null; draw(); };
 window.onresize = draw;
 if (data.first) {

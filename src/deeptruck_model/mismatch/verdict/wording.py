@@ -12,7 +12,7 @@ UNKNOWN_FORCE = "a force that follows no mechanism of the library"
 RECORD_MORE = "record the channels on which the force may depend, and drive where it is largest"
 RECORD_ROAD = "record elevation or position"
 RECORD_WIND = "record wind and load, and check the recorded slope"
-RECORD_FAST = "record gear, brake and engine torque, and all at ten samples a second or more"
+RECORD_FAST = "see under 'Where it is off' what happens where it is largest, and record that at 10 Hz or more"
 FELT_SLOPE = "the road's slope, which your log has in its accelerometer"
 FELT_STEP = "import again with it, and train on its slope"
 DRIFT = {
@@ -51,8 +51,8 @@ NOT_BETTER = "the held-out error does not fall"
 
 
 BESIDE_MISSING = {
-    "gear": "gear was not recorded, so the truck may only change gear otherwise than the simulator",
-    "brake": "the brake was not recorded, so braking may be what is missing",
+    "gear": "or the truck only changes gear otherwise: gear was not recorded",
+    "brake": "or the truck only brakes: the brake was not recorded",
 }
 
 

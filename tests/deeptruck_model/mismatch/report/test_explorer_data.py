@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.correction.fit_result import Errors
-from deeptruck_model.mismatch.report.explorer_data import _along, packed
+from deeptruck_model.mismatch.report.explorer_data import along, packed
 
 
 def unpacked(column: dict[str, Any]) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -39,4 +39,4 @@ def test_means_are_those_of_known_samples_and_an_end_that_is_too_short_is_left_o
 def test_the_free_runs_of_one_drive_stand_where_they_began() -> None:
     speed = np.array([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0]])
     errors = Errors(speed, speed, np.array([0, 1, 1]), np.array([0, 2, 3]))
-    np.testing.assert_array_equal(_along(errors, 1, 6), [np.nan, np.nan, 2.0, 2.0, 3.0, np.nan])
+    np.testing.assert_array_equal(along(errors, 1, 6), [np.nan, np.nan, 2.0, 2.0, 3.0, np.nan])

@@ -19,11 +19,10 @@ from deeptruck_model.mismatch.posterior.names import Compared, Named, Tree, name
 from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives
-from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.verdict import wording
 from deeptruck_model.mismatch.verdict.findings import _alternatives, _finding, findings
-from deeptruck_model.mismatch.verdict.result import Conclusion, Finding, Kind, Verdict
+from deeptruck_model.mismatch.verdict.result import Finding, Kind
 
 RULES = Rules()
 NOTHING = Correction(cast("CorrectedTruck", None), cast("CorrectedTruck", None))
@@ -106,24 +105,6 @@ def test_what_a_drive_has_of_its_own_has_a_size_by_drive() -> None:
         assert size.ci95 is not None
         assert size.ci95[0] - 60.0 < force * e.mass < size.ci95[1] + 60.0
     assert first.in_drives == ("a", "b")
-
-
-def test_the_headline_says_the_force_its_share_and_what_to_record() -> None:
-    v = Verdict(Conclusion.PHYSICS, found(SLOW), budget=compared(SLOW).budget)
-    budget = compared(SLOW).budget
-    share = lines.share_of(budget.share(SLOW), budget.ends(SLOW))
-    assert lines.headline(v) == (
-        f"A slow force that no recorded channel explains, as a slope or wind is, {share} of the squared "
-        "error: record elevation or position"
-    )
-
-
-def test_the_headline_says_the_drives_that_differ_and_by_how_much() -> None:
-    v = Verdict(Conclusion.PHYSICS, found(EACH_DRIVE), budget=compared(EACH_DRIVE).budget)
-    sizes = found(EACH_DRIVE)[0].parameters
-    a, b = (sizes[f"force[{name}]"].value for name in "ab")
-    start = f"In a ({a:+.3g} N), b ({b:+.3g} N) alone of the fitted drives, a constant force "
-    assert lines.headline(v).startswith(start)
 
 
 @cache
