@@ -11,24 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from deeptruck_cacc.controllers.policy import POLICY
-from deeptruck_cacc.evaluation import report
 from deeptruck_core.files import MARKER, Result, unfinished
-from deeptruck_exam.folder import CASE, PLANT, PROOF, REAL
-from deeptruck_model import results
-from deeptruck_model.mismatch import folders
-from deeptruck_nodes import bag_place
-from examples.demo import drives, real
 
-RESUMABLE = (results.DEEP_TRUCK, POLICY)
-AT_ONCE = (
-    results.PHYSICS_TRUCK, results.EVALUATION, results.COVERAGE, results.BAG, results.WRITTEN_BAG,
-    results.CALIBRATED,
-    results.FOUND, folders.APPLIED, report.EVALUATION, drives.DRIVES, real.DRIVES,
-)  # fmt: skip
-RECORDED = bag_place.BAG
-KINDS = (*RESUMABLE, *AT_ONCE, results.FLEET, PROOF, PLANT, REAL, CASE, RECORDED)
-
+KIND = Result("a result")  # kinds differ in their name alone
 STEPS = ("rename", "replace", "mkdir", "unlink", "rmdir", "chmod", "listdir", "scandir", "stat", "open")
 ERRORS: dict[str, Callable[[], BaseException]] = {
     "full": lambda: OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)),

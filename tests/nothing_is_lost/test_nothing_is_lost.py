@@ -3,23 +3,20 @@ replaced whole."""
 
 from __future__ import annotations
 
-import ast
 import io
 from collections.abc import Callable
 from contextlib import redirect_stderr, suppress
-from functools import cache
 from pathlib import Path
 
 import lost_files
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from lost_files import ERRORS, KINDS, OWN, RECORDED, RESUMABLE, Place, place
+from lost_files import ERRORS, KIND, OWN, Place, place
 
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
-from deeptruck_core.files import MARKER, Result
+from deeptruck_core.files import MARKER
 
-ROOT = Path(__file__).parents[2]
 SHAPES = ("file", "read-only", "link", "link to a folder", "folder")
 QUICK = settings(derandomize=True, max_examples=250, suppress_health_check=list(HealthCheck))
 
@@ -86,19 +83,15 @@ def recorded(here: Place, overwrite: bool, how: str, anew: bool) -> None:
 
 
 Way = Callable[[Place, bool, str, bool], None]
-WAYS: list[tuple[Result, Way]] = [
-    *((kind, replaced) for kind in KINDS if kind is not RECORDED),
-    *((kind, gone_on) for kind in RESUMABLE),
-    (RECORDED, recorded),
-]
+WAYS: tuple[Way, ...] = (replaced, gone_on, recorded)
 
 
 @given(data=st.data())
 @QUICK
 def test_what_the_user_put_there_is_there_afterwards(data: st.DataObject) -> None:
-    kind, way = data.draw(st.sampled_from(WAYS))
+    way = data.draw(st.sampled_from(WAYS))
     older, marker, overwrite, anew = (data.draw(st.booleans()) for _ in range(4))
-    with place(kind) as here:
+    with place(KIND) as here:
         if older:
             here.put_older(marker=marker)
         for name, shape in data.draw(users(edits=not overwrite)):
@@ -124,72 +117,12 @@ def assert_whole(here: Place, before: dict[str, str], way: Way) -> None:
         assert now in (before, newer)
 
 
-def test_no_two_commands_write_the_same_kind_and_all_are_tried_here() -> None:
-    made = [
-        node.args[0].value
-        for _, node in calls()
-        if called(node) == "Result" and isinstance(node.args[0], ast.Constant)
-    ]
-    assert sorted(made) == sorted(kind.what for kind in KINDS)
-    assert len({kind.what for kind in KINDS}) == len(KINDS)
-
-
-@cache
-def calls() -> list[tuple[str, ast.Call]]:
-    """Every call in the source and in benchmarks, and the file that it is in."""
-    packages = (ROOT / "src", ROOT / "exam", ROOT / "ros2_ws", ROOT / "examples", ROOT / "benchmarks")
-    files = [path for package in packages for path in package.rglob("*.py")]
-    return [
-        (path.relative_to(ROOT).as_posix().removeprefix("exam/").removeprefix("src/"), node)
-        for path in (*files, ROOT / "demo.py")
-        if not {"build", "install"} & {*path.parts}
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Call)
-    ]
-
-
-def called(node: ast.Call) -> str:
-    return node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-
-
-# Who else may delete or rename, and what: each its own work of the same run, or what it knows as its own.
-ALLOWED = {
-    "deeptruck_core/files/results.py": "the rule itself",
-    "deeptruck_core/files/single.py": "its own draft",
-    "deeptruck_model/recordings/crash_safe.py": "metadata.yaml of the bag that it has just made",
-    "deeptruck_model/recordings/mcap_repair.py": "the repaired bag; what was cut off or replaced is kept",
-    "deeptruck_model/deep/training.py": "the resume point of a training that diverged",
-    "deeptruck_model/deep/card.py": "the resume point in the draft of its own run",
-    "deeptruck_exam/folder.py": "a case that it has marked as its own and that nobody added to",
-    "deeptruck_exam/cases/deep_trucks.py": "a draft with its own process's number, into the exam's own cache",
-    "examples/demo/runner.py": "what a step of the demo made and nobody changed since",
-    "examples/demo/page.py": "index.html of the demo's own folder",
-}
-DELETES = {"rmtree", "unlink", "rmdir", "removedirs", "rename", "renames", "move"}
-BY_MODULE = {("os", "replace"), ("os", "remove")}
-
-
-def deletes(node: ast.Call) -> bool:
-    """Whether a call deletes or renames. `Path.replace` has one argument, `str.replace` and others more."""
-    name = called(node)
-    if not isinstance(node.func, ast.Attribute):
-        return name == "rmtree"
-    owner = getattr(node.func.value, "id", "")
-    path_replace = name == "replace" and len(node.args) == 1 and not node.keywords
-    return name in DELETES or (owner, name) in BY_MODULE or path_replace
-
-
-def test_nobody_else_deletes_or_renames() -> None:
-    found = {path for path, node in calls() if deletes(node) and not path.startswith("benchmarks/")}
-    assert found == set(ALLOWED)
-
-
 @given(name=st.sampled_from(("a.csv", "new/a.csv")), failure=FAILURES, how=COMPUTING, there=st.booleans())
 @QUICK
 def test_a_single_file_never_takes_the_place_of_another(
     name: str, failure: tuple[int, str, bool] | None, how: str, there: bool
 ) -> None:
-    with place(RECORDED) as here:
+    with place(KIND) as here:
         path = here.root / name
         if there:
             here.put_foreign(path, "file")

@@ -10,18 +10,16 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-import typer
 
 import deeptruck_cacc.cli
 import deeptruck_model.cli
 import truck_bridge.cli
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
-from deeptruck_core.files import MARKER, OVERWRITE_HELP
+from deeptruck_core.files import MARKER
 from deeptruck_exam.folder import CASE, clear
 from deeptruck_exam.run import examine
-from deeptruck_model import results, trucks
-from deeptruck_model.cli import whole
+from deeptruck_model import results
 
 FOLDERS = (
     "deeptruck-model import none.csv --columns none.yaml --out out",
@@ -98,17 +96,10 @@ def test_a_folder_with_a_file_of_the_user_is_refused(
     assert [p.name for p in here.rglob("*")] == ["out", "metrics.json"]
 
 
-def test_an_examination_goes_on_where_nothing_else_lies(here: Path, refused: Callable[[str], str]) -> None:
-    case = here / "out" / "cases" / "physics-noise-100000"
-    case.mkdir(parents=True)
-    (case / "mine.txt").write_text("mine")
-    says = refused("deeptruck-model prove --out out")
-    assert "out holds cases but no .deeptruck.json" in says and (case / "mine.txt").exists()
-
-
-def test_a_case_is_made_where_nothing_else_lies(here: Path) -> None:
+def test_a_case_is_made_where_nothing_else_lies(here: Path, refused: Callable[[str], str]) -> None:
     (here / "out").mkdir()
     (here / "out" / "mine.txt").write_text("mine")
+    assert "out holds mine.txt but no .deeptruck.json" in refused("deeptruck-model prove --out out")
     with pytest.raises(InputError, match=r"out holds mine\.txt but no \.deeptruck\.json"):
         examine(here / "out", "noise", 0)
     CASE.mark(here / "out")
@@ -137,13 +128,6 @@ def test_a_mount_point_is_refused_before_anything_is_computed(place: str) -> Non
         results.COVERAGE.check(Path(place))
 
 
-def test_overwrite_is_explained_by_one_text() -> None:
-    apps = [whole(), deeptruck_cacc.cli.app, truck_bridge.cli.app]
-    commands = [c for app in apps for c in typer.main.get_group(app).commands.values()]
-    texts = [p.help for c in commands for p in c.params if p.name == "overwrite"]  # type: ignore[attr-defined]
-    assert len(texts) >= 10 and set(texts) == {OVERWRITE_HELP}
-
-
 @pytest.mark.parametrize("line", INSIDE)
 def test_an_out_inside_what_is_read_is_refused(line: str, here: Path, refused: Callable[[str], str]) -> None:
     (here / "bag").mkdir()
@@ -155,14 +139,6 @@ def test_a_file_that_is_there_is_not_written(line: str, here: Path, refused: Cal
     (here / "mine.txt").write_text("mine")
     refused(line)
     assert (here / "mine.txt").read_text() == "mine" and len(list(here.iterdir())) == 1
-
-
-def test_saving_replaces_a_truck_only_where_asked(here: Path) -> None:
-    truck, path = trucks.load("trucksim"), here / "sim"
-    truck.save(path)
-    with pytest.raises(InputError, match="holds a physics truck already"):
-        truck.save(path)
-    truck.save(path, overwrite=True)
 
 
 @pytest.mark.parametrize("name", ["coverage.json", ".coverage.json.tmp", "notes/mine.txt"])

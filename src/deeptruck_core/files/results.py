@@ -157,7 +157,10 @@ class Result:
         """Write the marker of a finished folder with these `files`, or of one in which this command is at
         work. Raises OSError."""
         content = {"what": self.what, "files": None if files is None else sorted({*files} - {MARKER})}
-        (folder / MARKER).write_text(json.dumps(content, indent=1) + "\n")
+        marker = folder / MARKER
+        if marker.is_symlink():  # somebody else's, whose file stays as it is
+            marker.unlink()
+        marker.write_text(json.dumps(content, indent=1) + "\n")
 
     def marked(self, folder: Path) -> bool:
         """Whether `folder` has a marker of this command."""
