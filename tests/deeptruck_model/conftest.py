@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
+from deeptruck_core.terminal import progress
 from deeptruck_model import cli
 
 
@@ -14,7 +15,9 @@ from deeptruck_model import cli
 def script(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Callable[..., tuple[int, str, str]]:
-    """script(words) -> (exit code, output, errors) of `deeptruck-model`."""
+    """script(words) -> (exit code, output, errors) of `deeptruck-model`, without progress, which a busy
+    machine would show."""
+    monkeypatch.setattr(progress, "QUIET_S", 1e5)
 
     def _script(*words: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["deeptruck-model", *map(str, words)])

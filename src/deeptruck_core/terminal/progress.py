@@ -103,11 +103,12 @@ def _left(passed_s: float, done: int, to_do: int) -> str:
 
 @contextmanager
 def progress(
-    first: str, every_s: float = A_MINUTE_S, quiet_s: float = QUIET_S
+    first: str, every_s: float = A_MINUTE_S, quiet_s: float | None = None
 ) -> Iterator[Callable[[str], None]]:
     """A function that reports on stderr which step begins; a terminal shows the `first` one at once, a log
-    the one that runs after `quiet_s` and those that begin later, and one line every `every_s`. 'driving, 5 %'
-    goes on with 'driving'."""
+    the one that runs after `quiet_s` (QUIET_S where absent) and those that begin later, and one line every
+    `every_s`. 'driving, 5 %' goes on with 'driving'."""
+    quiet_s = QUIET_S if quiet_s is None else quiet_s
     console = Console(stderr=True)
     if console.is_terminal:
         columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
