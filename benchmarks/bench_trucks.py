@@ -1,4 +1,4 @@
-"""The speed of the physics truck: compiled, in numpy, and compared with FASTSim 3.
+"""The speed of the physics truck: compiled, and compared with FASTSim 3.
 
     python benchmarks/bench_trucks.py [--fastsim-python PYTHON]
 
@@ -8,7 +8,6 @@ of its own if you like); without it its row says so. Writes its section of docs/
 
 from __future__ import annotations
 
-import importlib
 import json
 import subprocess
 import sys
@@ -45,7 +44,6 @@ def main() -> None:
         "compiled, batch 1000": compiled_batch(),
         "compiled, one truck, whole run": compiled_batch(1, 100_000),
         "compiled, one truck, step by step": compiled_steps(),
-        "numpy, batch 1000": numpy_batch(),
     }
     report(rates, with_force(), seven_hours(), fastsim_rate(arguments.fastsim_python))
 
@@ -84,24 +82,6 @@ def compiled_steps(steps: int = 3000) -> float:
             state, _ = truck.step(state, u[:, k], w[:, k])
 
     return steps / cpu(run)
-
-
-def numpy_batch(steps: int = 40) -> float:
-    """The same for the reference in numpy with which the tests compare the compiled truck, on the
-    same batch."""
-    truck = trucks.load("trucksim")
-    sys.path.insert(0, str(harness.ROOT / "tests" / "deeptruck_model" / "trucks"))
-    numpy_truck = importlib.import_module("numpy_truck")
-    reference = numpy_truck.NumpyTruck(truck.record[0], truck.substeps, truck.substep)
-    u, w, y0 = inputs(BATCH, steps)
-    records = truck.reset(y0).records
-
-    def run() -> None:
-        state = {name: records[name].copy() for name in records.dtype.names or ()}
-        for k in range(steps):
-            reference.step(state, u[:, k, 0], u[:, k, 1], w[:, k, 0])
-
-    return BATCH * steps / cpu(run, 2)
 
 
 def with_force(steps: int = 1000) -> float:

@@ -82,38 +82,29 @@ def within(name: str, *packages: str) -> bool:
     return any(name == package or name.startswith(f"{package}.") for package in packages)
 
 
-def reached(start: str) -> set[str]:
-    """Modules of ours that those below `start` import, and what those import in turn.
-
-    `simulators` is a door at which the search ends: it loads what a simulator directory asks for.
-    """
-    todo = [name for name in MODULES if within(name, start)]
-    found = set(todo)
-    while todo:
-        ours = {name for name in imports()[todo.pop()] if name in MODULES}
-        new = ours - found - {"deeptruck_model.simulators"}
-        found |= new
-        todo += new
-    return found
-
-
 @pytest.mark.parametrize(
-    ("room", "closed"),
+    ("room", "closed", "door"),
     [
-        ("deeptruck_model", ("deeptruck_cacc", "truck_bridge", "deeptruck_nodes", "can", "cantools", *ROS)),
-        ("deeptruck_cacc", ("truck_bridge", "deeptruck_nodes", "can", "cantools", *ROS)),
-        ("truck_bridge", ("deeptruck_cacc", "deeptruck_nodes", *ROS)),
-        ("deeptruck_model.mismatch", ("deeptruck_exam",)),
-        ("deeptruck_cacc", ("deeptruck_exam",)),
-        ("truck_bridge", ("deeptruck_exam",)),
-        ("deeptruck_nodes", ("deeptruck_exam",)),
-        ("deeptruck_exam", ("deeptruck_model.cli", "deeptruck_cacc", "truck_bridge")),
+        ("deeptruck_core", OURS[1:], ""),
+        ("deeptruck_model", ("deeptruck_cacc", "truck_bridge", "deeptruck_nodes", "can", "cantools"), ""),
+        ("deeptruck_model", ("deeptruck_exam", *ROS), "deeptruck_model.cli.mismatch"),
+        (
+            "deeptruck_cacc",
+            ("truck_bridge", "deeptruck_nodes", "deeptruck_exam", "can", "cantools", *ROS),
+            "",
+        ),
+        ("truck_bridge", ("deeptruck_cacc", "deeptruck_nodes", "deeptruck_exam", *ROS), ""),
+        ("deeptruck_nodes", ("deeptruck_exam",), ""),
+        # laws are planted by other code than the one that names them
+        ("deeptruck_exam", ("deeptruck_model.cli", "deeptruck_model.mismatch"), ""),
+        ("deeptruck_exam", ("deeptruck_cacc", "truck_bridge"), ""),
     ],
 )
-def test_doors_that_are_closed(room: str, closed: tuple[str, ...]) -> None:
+def test_doors_that_are_closed(room: str, closed: tuple[str, ...], door: str) -> None:
     rooms = [name for name in MODULES if within(name, room)]
     assert len(rooms) > 3
-    assert not {(name, other) for name in rooms for other in imports()[name] if within(other, *closed)}
+    found = {(name, other) for name in rooms for other in imports()[name] if within(other, *closed)}
+    assert {name for name, _ in found} == ({door} if door else set())
 
 
 def test_the_safety_core_stands_alone() -> None:
@@ -141,9 +132,7 @@ FLOOR = tuple(
 )  # fmt: skip
 
 
-def test_the_core_imports_nothing_else_of_ours_and_nobody_imports_what_is_private() -> None:
-    core = {other for name in MODULES if within(name, "deeptruck_core") for other in imports()[name]}
-    assert not {other for other in core if within(other, *OURS) and not within(other, "deeptruck_core")}
+def test_nobody_imports_what_is_private_elsewhere() -> None:
     foreign = {
         (name, other)
         for name in MODULES
@@ -175,27 +164,6 @@ def test_the_floor_imports_no_room() -> None:
         if within(name, *floor) and within(other, *OURS) and not within(other, *floor)
     }
     assert above == {("deeptruck_model.checks.simulators", "deeptruck_model.trucks.specification")}
-
-
-def test_the_exam_shares_no_code_with_the_tool() -> None:
-    """Effects are planted by other code than the one that names them; only the vocabulary is common."""
-    found = {o for n in MODULES if within(n, "deeptruck_exam") for o in imports()[n]}
-    assert "deeptruck_core.signals" in found
-    assert not {name for name in found if within(name, "deeptruck_model.mismatch", "deeptruck_model.cli")}
-
-
-def test_the_command_prove_is_the_only_way_from_the_model_to_the_exam() -> None:
-    upward = {
-        (name, other)
-        for name in MODULES
-        for other in imports()[name]
-        if within(name, "deeptruck_model") and within(other, "deeptruck_exam")
-    }
-    assert {name for name, _ in upward} == {"deeptruck_model.cli.mismatch"}
-    at_the_top = ast.parse(MODULES["deeptruck_model.cli.mismatch"].read_text()).body
-    assert not [
-        n for n in at_the_top if isinstance(n, ast.ImportFrom) and within(str(n.module), "deeptruck_exam")
-    ]
 
 
 MODEL = (  # the rooms of docs/architecture.md: a row imports from itself and the rows above
@@ -231,17 +199,6 @@ def test_rooms_import_forward(rows: tuple[tuple[str, ...], ...]) -> None:
     placed = {name: at for name in MODULES if (at := row(name)) is not None}
     assert len(set(placed.values())) == len(rows)
     assert not {(name, o) for name in placed for o in imports()[name] if placed.get(o, -1) > placed[name]}
-
-
-def test_probabilities_of_names_are_made_of_draws_alone() -> None:
-    """Who builds a Tree: the posterior; a road, which is in no kernel; an unknown part of the budget."""
-    calls = {
-        name.removeprefix("deeptruck_model.mismatch.")
-        for name in MODULES
-        for node in ast.walk(ast.parse(MODULES[name].read_text(encoding="utf-8")))
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Tree"
-    }
-    assert calls == {"posterior.names", "verdict.road", "verdict.findings"}
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
@@ -287,22 +244,3 @@ def test_what_the_source_imports_is_declared_and_what_is_declared_is_imported() 
     idle = {d for d in required if import_name(d) not in used and d not in USED_BY_OTHERS}
     idle |= {d for d in extras["dev"] - TOOLS if import_name(d) not in everywhere}
     assert not idle
-
-
-def test_every_dependency_is_pinned_and_earns_its_place() -> None:
-    required, extras = project()
-    pins = (ROOT / "constraints.txt").read_text().lower().replace("_", "-")
-    text = (ROOT / "docs" / "architecture.md").read_text().lower()
-    for distribution in required | set().union(*extras.values()):
-        assert re.search(rf"^{re.escape(distribution)}==", pins, re.M), f"{distribution} is not pinned"
-        assert re.search(rf"^\| .*{re.escape(distribution)}", text, re.M), f"{distribution} is not explained"
-
-
-def test_constraints_pin_everything_exactly() -> None:
-    lines = [
-        line for line in (ROOT / "constraints.txt").read_text().splitlines() if line[:1] not in ("", "#")
-    ]
-    assert len(lines) > 100
-    assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[\w.+!]+( ?;.*)?", line) for line in lines)
-    names = [re.sub(r"[-_.]+", "-", line.partition("==")[0].lower()) for line in lines]
-    assert len(names) == len(set(names))

@@ -6,7 +6,6 @@ import importlib
 import importlib.util
 import re
 import shlex
-import sys
 import tomllib
 from collections.abc import Iterator
 from functools import cache
@@ -23,7 +22,6 @@ import deeptruck_model.cli
 import truck_bridge.cli
 from deeptruck_model.cli import spread
 from deeptruck_nodes.parameters import schema
-from deeptruck_nodes.topics import TOPICS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -198,11 +196,6 @@ def test_every_script_is_there_and_has_the_options(page: str, line: str) -> None
         assert f'"{option}"' in text or f"{spelled}:" in text, f"{page}: {option}"
 
 
-def test_commands_were_found() -> None:
-    assert len({line for page, line in COMMANDS if page == "README.md"}) >= 5
-    assert len(COMMANDS) > 30 and len(SCRIPTS) > 20
-
-
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_every_block_says_what_it_is_and_is_checked(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
@@ -229,11 +222,6 @@ def test_the_parameters_shown_exist() -> None:
             assert set(of_node["ros__parameters"]) <= set(schema()[node])
 
 
-def anchors(page: Path) -> set[str]:
-    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.M)
-    return {re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-") for heading in headings}
-
-
 def links(page: Path) -> list[str]:
     """Where links and pictures of a page lead, but for other sites."""
     found = re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))
@@ -243,12 +231,8 @@ def links(page: Path) -> list[str]:
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_links_lead_somewhere(page: Path) -> None:
     for target in links(page):
-        path, _, anchor = target.partition("#")
-        found = (page.parent / path).resolve() if path else page
-        assert found.is_file(), f"{page.name}: {target}"
-        inside = not page.is_relative_to(DOCS) or found.suffix != ".md" or found.is_relative_to(DOCS)
-        assert inside, f"{page.name}: {target} is no page of the site"
-        assert not anchor or anchor in anchors(found), f"{page.name}: {target}"
+        path = target.partition("#")[0]
+        assert not path or (page.parent / path).is_file(), f"{page.name}: {target}"
 
 
 @cache
@@ -284,83 +268,6 @@ def test_the_tables_of_pages_are_what_the_source_makes() -> None:
     for (page, mark), made in tables.tables().items():
         text = (DOCS / page).read_text(encoding="utf-8")
         assert f"<!-- {mark}: begin -->\n{made}\n<!-- {mark}: end -->" in text, f"{page}: run 'make schemas'"
-
-
-def test_the_indexes_name_every_page() -> None:
-    index, site = (DOCS / "README.md").read_text(), (DOCS / "index.rst").read_text()
-    pages = {page.stem for page in DOCS.glob("*.md")} - {"README"}
-    assert not {page for page in pages if f"]({page}.md)" not in index}
-    assert not {page for page in pages if f"\n   {page}\n" not in site}
-    results = (DOCS / "results" / "README.md").read_text()
-    written = {page.relative_to(DOCS / "results").as_posix() for page in (DOCS / "results").rglob("*.md")}
-    assert not {page for page in written - {"README.md"} if f"]({page})" not in results}
-    shown = {(page.parent / target).resolve() for page in PAGES for target in links(page)}
-    assert not set((DOCS / "results").rglob("*.png")) - shown
-
-
-def test_the_reference_is_of_modules_that_exist() -> None:
-    site = (DOCS / "index.rst").read_text()
-    for page in (DOCS / "api").glob("*.rst"):
-        assert f"api/{page.stem}\n" in site
-        modules = re.findall(r"automodule:: (\S+)", page.read_text())
-        assert modules and not [module for module in modules if importlib.util.find_spec(module) is None]
-
-
-def test_the_citation_and_the_changelog_are_of_this_version() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    version = project["tool"]["setuptools_scm"]["fallback_version"]  # the last release
-    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    assert cited["version"] == version and cited["references"][0]["title"].startswith(
-        "Longitudinal Deep Truck"
-    )
-    assert re.search(
-        rf"^## \[{re.escape(version)}\] - 20\d\d-\d\d-\d\d$", (ROOT / "CHANGELOG.md").read_text(), re.M
-    )
-
-
-def test_the_picture_of_the_graph_shows_every_node_and_no_topic_that_is_not() -> None:
-    picture = (DOCS / "figures" / "node_graph.svg").read_text()
-    assert set(re.findall(r"(?<![\w<])/[a-z]+(?:/[a-z]+)?\b", re.sub(r"<[^>]*>", " ", picture))) <= set(
-        TOPICS
-    )
-    for node in set(schema()) - {"common"}:
-        assert f">{node}<" in picture
-
-
-def test_the_readme_begins_with_two_commands() -> None:
-    head = (ROOT / "README.md").read_text().split("##")[0]
-    targets = (ROOT / "Makefile").read_text()
-    for target in ("demo", "test"):
-        assert re.search(rf"^    make {target}\b", head, re.M) and re.search(rf"^{target}:", targets, re.M)
-
-
-def test_the_readme_says_how_often_the_tool_is_right_as_its_page_does() -> None:
-    page, readme = (DOCS / "results" / "mismatch.md").read_text(), (ROOT / "README.md").read_text()
-    row = re.search(r"^\| attainable.* \| (\d+ of \d+); (\d+ of \d+) \|$", page, re.M)
-    assert row and f"named {row[1]} first and had {row[2]} in the set" in readme
-    worse = re.search(r"^\| offered, and worse .* \| (\d+) of \d+ \|$", page, re.M)
-    assert worse and (worse[1] == "0") == ("Nothing that it offered was worse" in readme)
-
-
-def test_the_index_lists_every_command(programs: dict[str, typer.Typer]) -> None:
-    """In the rows of its table that begin with the program."""
-    rows = re.findall(r"^\| (`.*?) \|", (DOCS / "README.md").read_text(), re.M)
-    for program in ("deeptruck-model", "deeptruck-cacc", "truck-bridge"):
-        own = " ".join(row for row in rows if row.startswith(f"`{program}"))
-        commands = vars(get_command(programs[program]))["commands"]
-        shown = [one for one, command in commands.items() if not command.hidden]
-        lacking = [one for one in shown if not re.search(rf"[` ]{one}`", own)]
-        assert not lacking, f"{program}: {lacking}"
-
-
-def test_the_versions_of_python_are_the_same_everywhere() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    named = [c.rpartition(" ")[2] for c in project["classifiers"] if ":: Python :: " in c]
-    first, last = (tuple(map(int, version.split("."))) for version in (named[0], named[-1]))
-    assert project["requires-python"] == f">={named[0]},<3.{last[1] + 1}"
-    assert first <= sys.version_info[:2] <= last
-    assert f"Python {named[0]} to {named[-1]}" in (ROOT / "README.md").read_text()
-    assert f"{first} <= sys.version_info[:2] <= {last}" in (ROOT / "Makefile").read_text()
 
 
 @cache

@@ -6,12 +6,10 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Sequence
-from importlib import metadata
 from pathlib import Path
 
 import pytest
 
-import deeptruck_model
 from deeptruck_model import recordings, trucks
 from deeptruck_model.trucks import driving_cycles
 
@@ -119,7 +117,3 @@ def test_every_extra_is_in_all() -> None:
     assert set(EXTRAS) <= set(extras)
     (every,) = extras["all"]
     assert every == "deeptruck[deep,cacc,can]" and "deeptruck[all]" in extras["dev"]
-
-
-def test_the_version_is_the_metadatas() -> None:
-    assert deeptruck_model.__version__ == metadata.version("deeptruck")

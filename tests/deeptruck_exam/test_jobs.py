@@ -11,9 +11,8 @@ from deeptruck_core.errors import InputError
 from deeptruck_exam.jobs import in_parallel
 
 
-def test_each_comes_with_its_result(capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_comes_with_its_result() -> None:
     assert dict(in_parallel(operator.neg, [1, 2, 3], 2, "cases")) == {1: -1, 2: -2, 3: -3}
-    assert "cases: 3 of 3" in capsys.readouterr().err
 
 
 def test_a_killed_process_is_one_line() -> None:

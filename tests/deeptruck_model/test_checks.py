@@ -13,7 +13,7 @@ import pytest
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model import checks, simulators, trucks
-from deeptruck_model.checks.compatibility import Given, Taken, misfits
+from deeptruck_model.checks.compatibility import Taken
 from deeptruck_model.recordings import Recording, write_bag
 from deeptruck_model.recordings.several import check_fit
 
@@ -124,13 +124,6 @@ def test_a_recording_that_cannot_drive_a_simulator_is_one_line() -> None:
     ):
         assert words in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_a_truck_that_follows_a_gear_that_was_not_recorded_may_choose_its_own() -> None:
-    taken = Taken("the truck", TruckInterface("t", gear=True), 0.1)
-    (line,) = misfits(taken, Given("drive", lambda name: name == "gear", lambda name: None))
-    assert line.startswith("drive has no gear, which the truck needs; record it or use another simulator; ")
-    assert line.endswith("without '?gear=recorded' behind its name a truck chooses its own gear")
 
 
 def test_what_every_check_says_is_said_once() -> None:

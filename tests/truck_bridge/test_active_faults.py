@@ -36,15 +36,6 @@ def test_a_fault_is_active_while_it_is_said_and_for_five_seconds():
     assert faults.active(14.0) == []
 
 
-def test_each_controller_has_its_own():
-    faults = ActiveFaults()
-    faults.take(0, said(HOT), 0.0)
-    faults.take(3, said(HOT), 0.5)
-    assert faults.active(1.0) == [Fault(0, HOT), Fault(3, HOT)]
-    assert faults.channels(1.0)["fault_count"] == 2.0
-    assert faults.active(5.2) == [Fault(3, HOT)]
-
-
 @pytest.mark.parametrize("derate", [DERATED, Code(5, 31, (1569,))])
 def test_the_channels_show_the_newest_code_and_a_derate(derate):
     faults = ActiveFaults()

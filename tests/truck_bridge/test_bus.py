@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 
 import can
 import pytest
@@ -52,38 +51,6 @@ def test_frames_of_one_sender_keep_their_order(pair):
     assert [pair[1].recv(2.0).arbitration_id - 0x18FF0000 for _ in range(500)] == list(range(500))
 
 
-def test_own_messages_on_request(channel):
-    with can.Bus(interface="loopback", channel=channel, receive_own_messages=True) as bus:
-        bus.send(can.Message(arbitration_id=1, data=b"x"))
-        assert bus.recv(60).data == b"x"
-
-
-def test_channels_do_not_hear_each_other(pair, channel):
-    with can.Bus(interface="loopback", channel=channel + "other") as other:
-        pair[0].send(can.Message(arbitration_id=1))
-        assert pair[1].recv(60) is not None
-        assert other.recv(0.05) is None
-
-
-def test_recv_waits_no_longer_than_asked(pair):
-    start = time.monotonic()
-    assert pair[0].recv(0.05) is None
-    assert 0.04 < time.monotonic() - start < 10.0
-
-
-def test_python_can_s_filters_and_notifier_work(pair):
-    pair[1].set_filters([{"can_id": 0x18FEF100, "can_mask": 0x1FFFFFFF, "extended": True}])
-    received = []
-    notifier = can.Notifier(pair[1], [received.append], timeout=0.05)
-    pair[0].send(can.Message(arbitration_id=0x18FEF200))
-    pair[0].send(can.Message(arbitration_id=0x18FEF100))
-    deadline = time.monotonic() + 60
-    while not received and time.monotonic() < deadline:
-        time.sleep(0.01)
-    notifier.stop()
-    assert [message.arbitration_id for message in received] == [0x18FEF100]
-
-
 def test_another_process_hears_and_answers(pair, channel):
     code = (
         "import can, sys\n"
@@ -113,11 +80,6 @@ def test_a_killed_process_leaves_its_slot_free(channel):
         assert bus._socket.getsockname()[1] == port
 
 
-def test_no_port_of_a_channel_is_one_that_the_kernel_gives_away():
-    """Linux gives ports from 32768 on to sockets that ask for none (ip(7), ip_local_port_range)."""
-    assert FIRST_PORT + SLOTS * BLOCKS <= 32768
-
-
 def test_a_full_channel_says_so(channel):
     buses = []
     try:
@@ -132,7 +94,8 @@ def test_a_full_channel_says_so(channel):
 def test_the_socket_is_bound_to_the_loopback_device(pair):
     address, port = pair[0]._socket.getsockname()
     assert address == "127.0.0.1"
-    assert FIRST_PORT <= port < 32_768
+    assert FIRST_PORT <= port < 32_768, "ports from 32768 on are the kernel's to give away"
+    assert FIRST_PORT + SLOTS * BLOCKS <= 32_768
     assert {peer[0] for peer in pair[0]._peers} == {"127.0.0.1"}
 
 
@@ -160,14 +123,10 @@ def test_a_bus_that_cannot_be_opened_is_one_line(interface, channel):
     assert "\n" not in str(error.value)
 
 
-def test_multicast_works_between_two_buses_of_one_machine():
-    try:
-        a, b = (open_bus("udp_multicast", "239.74.163.9", hop_limit=0) for _ in range(2))
-    except InputError as error:
-        assert "msgpack" not in str(error)
-        pytest.skip(f"no multicast route here: {error}")
-    with a, b:
-        a.send(can.Message(arbitration_id=0x0CF00400, data=bytes(8)))
-        received = b.recv(2.0)
-    assert received is not None
-    assert received.arbitration_id == 0x0CF00400
+def test_channels_do_not_hear_each_other_and_a_bus_itself_on_request(pair, channel):
+    with can.Bus(interface="loopback", channel=channel + "other", receive_own_messages=True) as other:
+        pair[0].send(can.Message(arbitration_id=1))
+        assert pair[1].recv(60) is not None
+        assert other.recv(0.05) is None
+        other.send(can.Message(arbitration_id=2))
+        assert other.recv(60).arbitration_id == 2

@@ -6,8 +6,6 @@ import dataclasses
 import re
 from pathlib import Path
 
-import pytest
-
 from truck_bridge.safety import Timing
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,9 +25,3 @@ def test_the_table_of_times_is_that_of_the_core():
     text = (ROOT / "docs" / "vehicle_file.md").read_text().split("## Times of the core")[1]
     rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| (.+) \| (.+) \|$", text, re.MULTILINE)
     assert {name: float(value) for name, value, *_ in rows} == dataclasses.asdict(Timing())
-
-
-@pytest.mark.parametrize("command", ["decode", "check", "record", "replay", "convert"])
-def test_the_commands_exist(command):
-    text = (ROOT / "docs" / "can_bridge.md").read_text()
-    assert f"truck-bridge {command} " in text

@@ -40,18 +40,6 @@ def test_everyone_may_read_it_whom_the_umask_lets(tmp_path: Path) -> None:
     assert (tmp_path / "file").stat().st_mode & 0o777 == 0o644
 
 
-def test_a_folder_that_is_a_file_is_one_line(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("x")
-    with pytest.raises(InputError, match=r"cannot write .*; choose another --out"):
-        files.write(tmp_path / "file" / "below", b"x")
-
-
-@pytest.mark.parametrize("number", [errno.ENOTDIR, errno.EROFS, errno.EACCES])
-def test_room_helps_a_full_disk_alone(number: int) -> None:
-    assert files.advice(OSError(number, ""), "make room") == "choose another --out"
-    assert files.advice(OSError(errno.ENOSPC, ""), "make room") == "make room"
-
-
 @pytest.mark.parametrize(
     ("error", "says"),
     [
@@ -93,16 +81,6 @@ def test_a_name_that_is_too_long_is_one_line(tmp_path: Path, name: str) -> None:
             (draft / "a").write_text("begun")
             raise RuntimeError
     assert len(list(tmp_path.iterdir())) == 3
-
-
-def test_a_single_file_never_takes_the_place_of_another(tmp_path: Path) -> None:
-    with files.new_file(tmp_path / "new" / "a.csv") as draft:
-        draft.write_text("1")
-    with pytest.raises(InputError, match="exists already"), files.new_file(tmp_path / "new" / "a.csv"):
-        pass
-    with pytest.raises(ZeroDivisionError), files.new_file(tmp_path / "b.csv") as draft:
-        raise ZeroDivisionError
-    assert [p.name for p in tmp_path.iterdir()] == ["new"] and len(list((tmp_path / "new").iterdir())) == 1
 
 
 def test_what_a_killed_run_left_of_a_single_file_is_named_and_stays(

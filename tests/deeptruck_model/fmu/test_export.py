@@ -11,7 +11,7 @@ from fmpy.validation import validate_fmu
 
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulators, trucks
-from deeptruck_model.fmu import export, slave
+from deeptruck_model.fmu import export
 from deeptruck_model.trucks import driving_cycles
 
 
@@ -38,33 +38,6 @@ def test_fmpy_drives_it_as_our_own_step_does(own_fmu: Path) -> None:
         )
     assert np.abs(told["speed"][1:] - y[1:, 1]).max() < 1e-6
     assert np.abs(told["fuel_rate"][1:] - y[1:, 2]).max() < 1e-6 and y[:, 1].max() > 10.0
-
-
-def dimensions(unit: str) -> dict[str, float]:
-    """Exponents of the SI base units in a written unit, and its factor: by the definitions of SI."""
-    newton = {"kg": 1, "m": 1, "s": -2}
-    known: dict[str, dict[str, float]] = {
-        "N": newton, "bar": {"kg": 1, "m": -1, "s": -2, "factor": 1e5}, "g": {"kg": 1, "factor": 1e-3},
-        "cm": {"m": 1, "factor": 1e-2}, "percent": {"factor": 1e-2}, "1": {},
-        **{base: {base: 1} for base in ("m", "s", "kg", "rad")},
-    }  # fmt: skip
-    found: dict[str, float] = {"factor": 1.0}
-    over, _, under = unit.partition("/")
-    for part, sign in [*((p, 1) for p in over.split()), *((p, -1) for p in under.split())]:
-        name, _, exponent = part.partition("^")
-        power = sign * int(exponent or 1)
-        for base, count in known[name].items():
-            if base == "factor":
-                found["factor"] *= count**power
-            else:
-                found[base] = found.get(base, 0) + power * count
-    return found
-
-
-@pytest.mark.parametrize("unit", slave.UNITS)
-def test_a_declared_unit_has_the_exponents_of_its_name(unit: str) -> None:
-    declared = {"factor": 1.0, **slave.UNITS[unit]}
-    assert declared == pytest.approx(dimensions(unit))
 
 
 def test_a_simulator_of_somebody_elses_is_not_exported(shuttle: Path, own: str) -> None:

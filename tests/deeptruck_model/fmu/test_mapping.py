@@ -12,16 +12,6 @@ from deeptruck_core.errors import InputError
 from deeptruck_model import checks, simulators
 
 
-def test_without_one_the_line_has_what_to_write(own_fmu: Path) -> None:
-    with pytest.raises(InputError) as caught:
-        checks.simulator(f"fmu:{own_fmu}")
-    says = str(caught.value)
-    assert "\n" not in says and "its inputs are engine_command, brake_command, grade, measured" in says
-    assert "its outputs are acceleration, speed, fuel_rate, gear" in says and "initial_speed" in says
-    written = says[says.index("with {") + 5 : says.index("; its inputs")]
-    assert yaml.safe_load(written)["start"] == {"speed": {"variable": "NAME", "unit": "m/s"}}
-
-
 def test_units_and_factors(own: str, tmp_path: Path) -> None:
     file = tmp_path / "own.yaml"
     plain = simulators.load(own)

@@ -12,7 +12,6 @@ import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
-from deeptruck_cacc.environments.adapters import CaccGymEnv
 from deeptruck_core.errors import InputError
 from deeptruck_model import checks, simulators, trucks
 from deeptruck_model.fmu.truck import FEWEST
@@ -120,13 +119,6 @@ def test_it_is_loaded_again_by_its_path_and_hash(own: str, own_fmu: Path, tmp_pa
         checks.simulator(str(tmp_path / "kept"))
 
 
-def test_the_environment_drives_it(own: str) -> None:
-    env = CaccGymEnv(own)
-    env.reset(seed=1)
-    observation, reward, *_ = env.step(np.array([0.2, -1.0], np.float32))
-    assert np.isfinite(observation).all() and np.isfinite(float(reward))
-
-
 def test_a_start_at_another_speed_is_refused(own: str, tmp_path: Path) -> None:
     file = tmp_path / "own.yaml"
     file.write_text(
@@ -157,9 +149,3 @@ def test_files_that_are_no_fmu_or_run_elsewhere(own: str, own_fmu: Path, tmp_pat
     elsewhere = simulators.load(own.replace(str(own_fmu), str(other)))
     with pytest.raises(InputError, match="it cannot be loaded"):
         elsewhere.reset(np.array([[0.0, 20.0, 0.0]]))
-
-
-def test_without_fmpy_the_extra_is_named(own: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "fmpy", None)
-    with pytest.raises(InputError, match=r"pip install 'deeptruck\[fmu\]'"):
-        checks.simulator(own)

@@ -138,9 +138,7 @@ def test_the_snippet_of_the_docs_runs_and_the_result_is_read_again(
     scope: dict[str, Any] = {"MyTruck": lambda: MyTruck(drag=0.0)}
     exec(snippet, scope)
     found, again = scope["found"], mismatch.read("found")
-    assert capsys.readouterr().out == f"{found.result.kind}\n"
     assert again.to_json()["caveats"] == list(found.result.caveats)
-    assert "it is treated as a learned one" in again.caveats[0]
     assert [f.effect for f in again.findings] == [f.effect for f in found.findings]
     with pytest.raises(InputError, match="holds a mismatch result already"):
         mismatch.write(found, "found")

@@ -56,7 +56,6 @@ def test_the_pedal_and_the_shift_speeds_are_those_that_were_driven(driven: list[
     assert found.truck.pedal is not None
     at = np.array([20.0, 50.0, 80.0])
     assert np.interp(at, *found.truck.pedal) == pytest.approx(np.interp(at, *PEDAL), abs=0.06)
-    assert [line.partition(" ")[0] for line in found.says] == ["pedal:", "shift", "recorded"]
     for name in ("upshift_low", "downshift_low"):
         assert abs(found.truck.values[name] - SHIFTS[name]) < abs(SHEET.values[name] - SHIFTS[name])
 
@@ -88,16 +87,12 @@ def test_a_truck_with_one_gear_needs_no_gear_channel() -> None:
         r.channels.pop("gear")
     found = learned(sheet, driven)
     assert found.truck.values["engine_friction"] < 0.1
-    assert not any("recorded gear, by" in line for line in found.says)
 
 
 def test_a_deceleration_by_the_brakes_alone_is_learned() -> None:
     driven = SHEET.with_values({"brake_controller_gain": 0.0})
     found = learned(SHEET, drives(PhysicsTruck(driven)))
     assert found.truck.values["brake_controller_gain"] == found.truck.values["brake_gate"] == 0.0
-    assert any(
-        line.startswith("brake_controller_gain: a request is what the brakes add") for line in found.says
-    )
 
 
 def test_nothing_is_learned_of_a_truck_that_is_as_its_sheet_or_without_a_gear(
@@ -106,8 +101,7 @@ def test_nothing_is_learned_of_a_truck_that_is_as_its_sheet_or_without_a_gear(
     without = [replace(r, channels={n: x for n, x in r.channels.items() if n != "gear"}) for r in driven]
     assert learned(SHEET, without) == learned(SHEET, []) and learned(SHEET, []).truck == SHEET
     same = learned(SHEET, drives(PhysicsTruck(SHEET)))
-    assert same.truck == SHEET and "not taken over" in same.says[0]
-    assert "stamped where a change ends: 'late_s: " in same.says[-1]  # as our trucks record it
+    assert same.truck == SHEET
 
 
 def test_a_pedal_is_kept_in_the_truck_file_and_refused_where_it_cannot_be(tmp_path: Path) -> None:

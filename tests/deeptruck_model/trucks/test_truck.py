@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulators, trucks
@@ -24,13 +23,6 @@ def test_pool_has_the_three_trucks_of_the_paper() -> None:
     assert [interfaces[n].brake_unit for n in trucks.pool()] == ["percent", "percent", "m/s^2"]
     assert [interfaces[n].w for n in trucks.pool()] == [(), ("grade",), ("grade",)]
     assert [len(trucks.load(n).specification.ratios) for n in trucks.pool()] == [6, 10, 12]
-
-
-def test_every_scalar_stands_in_the_pool_under_its_part() -> None:
-    for name in trucks.pool():
-        data = yaml.safe_load((Path(trucks.__file__).parent / "pool" / f"{name}.yaml").read_text())
-        for parameter in trucks.PARAMETERS.values():
-            assert parameter.name in data[parameter.part], f"{parameter.name} is missing in {name}.yaml"
 
 
 def test_load_through_simulators_with_nested_and_flat_overrides(tmp_path: Path) -> None:
@@ -71,13 +63,24 @@ def test_bad_overrides_are_one_clear_line(tmp_path: Path, text: str, says: str) 
     assert "\n" not in str(refusal.value)
 
 
-def test_unknown_truck_parameter_or_file() -> None:
+def test_what_a_truck_cannot_take_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="did you mean trucksim"):
         trucks.load("truksim")
     with pytest.raises(InputError, match="did you mean drag_area"):
         trucks.load("volvo").with_parameters({"dragarea": 5.0})
     with pytest.raises(InputError, match="cannot be read"):
         trucks.load("volvo", "/nowhere/at/all.yaml")
+    truck = trucks.load("freightliner")
+    with pytest.raises(InputError, match="w has shape"):
+        truck.step(truck.reset(np.zeros((2, 3))), np.zeros((2, 2)), np.zeros((2, 1)))
+    with pytest.raises(InputError, match="u has shape"):
+        truck.step(truck.reset(np.zeros((2, 3))), np.zeros((2, 1)), np.zeros((2, 0)))
+    truck.save(tmp_path)
+    manifest = json.loads((tmp_path / "simulator.json").read_text())
+    del manifest["truck"]["body"]["mass"]
+    (tmp_path / "simulator.json").write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match="lacks mass"):
+        simulators.load(tmp_path)
 
 
 @pytest.mark.parametrize("column", [0, 1])
@@ -94,15 +97,6 @@ def test_nan_is_refused_not_driven(column: int) -> None:
         truck.reset(np.array([[0.0, np.nan]]))
 
 
-def test_wrong_shapes_are_refused() -> None:
-    truck = trucks.load("freightliner")
-    state = truck.reset(np.zeros((2, 3)))
-    with pytest.raises(InputError, match="w has shape"):
-        truck.step(state, np.zeros((2, 2)), np.zeros((2, 1)))
-    with pytest.raises(InputError, match="u has shape"):
-        truck.step(state, np.zeros((2, 1)), np.zeros((2, 0)))
-
-
 def test_saved_truck_drives_alike(tmp_path: Path) -> None:
     truck = trucks.load("volvo", dt=0.2).with_parameters({"mass": 21000.0, "brake_gain": 0.8})
     truck.save(tmp_path / "sim")
@@ -114,15 +108,6 @@ def test_saved_truck_drives_alike(tmp_path: Path) -> None:
     y = [t.rollout(u, np.zeros((1, 100, 1)), np.array([[0.0, 9.0, 1.0]])).y for t in (truck, again)]
     np.testing.assert_array_equal(y[0], y[1])
     assert {p.name for p in (tmp_path / "sim").iterdir()} == {"simulator.json", ".deeptruck.json"}
-
-
-def test_damaged_directory_is_refused(tmp_path: Path) -> None:
-    trucks.load("volvo").save(tmp_path)
-    manifest = json.loads((tmp_path / "simulator.json").read_text())
-    del manifest["truck"]["body"]["mass"]
-    (tmp_path / "simulator.json").write_text(json.dumps(manifest))
-    with pytest.raises(InputError, match="lacks mass"):
-        simulators.load(tmp_path)
 
 
 def test_a_longer_step_agrees_with_the_short_one() -> None:

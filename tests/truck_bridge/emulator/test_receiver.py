@@ -22,12 +22,9 @@ def bad(frame):
     return frame[:7] + bytes([frame[7] ^ 0x10])
 
 
-def test_nobody_asks_for_anything(receiver):
-    assert math.isnan(receiver.demand(1.0))
-    assert receiver.controlling == 0xFF
-
-
 def test_a_demand_holds_for_its_time_out_and_then_returns_without_a_step(receiver):
+    receiver.hear(ID ^ 0x0F00, ENGINE.frame(60.0, 0), 1.0)  # for another node
+    assert math.isnan(receiver.demand(1.0)) and receiver.controlling == 0xFF
     receiver.hear(ID, ENGINE.frame(60.0, 0), 1.0)
     assert receiver.demand(1.0) == 60.0
     assert receiver.controlling == ID & 0xFF
@@ -43,11 +40,6 @@ def test_mode_0_hands_back_at_once(receiver):
     receiver.demand(1.0)
     receiver.hear(ID, ENGINE.frame(math.nan, 1), 1.02)
     assert math.isnan(receiver.demand(1.02))
-
-
-def test_frames_for_others_are_not_ours(receiver):
-    receiver.hear(ID ^ 0x0F00, ENGINE.frame(60.0, 0), 1.0)
-    assert math.isnan(receiver.demand(1.0))
 
 
 def test_a_wrong_checksum_and_a_stuck_counter_are_not_obeyed(receiver):
@@ -78,36 +70,23 @@ def test_the_higher_priority_wins_and_then_the_later(receiver):
     assert receiver.controlling == 0x03
 
 
-def given(actuator, demands):
-    """What an actuator gives at each step of 0.1 s."""
-    found = []
+@pytest.mark.parametrize(
+    ("full", "fault", "demands", "given"),
+    [
+        (90.0, {}, [10.0, 20.0, math.nan], [10.0, 20.0, 0.0]),
+        (90.0, {"gain": 0.5}, [10.0, 20.0], [5.0, 10.0]),
+        (-5.0, {"gain": 0.0}, [-2.0, math.nan], [0.0, 0.0]),
+        (90.0, {"late_s": 0.2}, [1.0, 2.0, 3.0, 4.0, 5.0], [1.0, 1.0, 1.0, 2.0, 3.0]),
+        (90.0, {"drags": 0.3}, [0.0, 20.0, 40.0], [27.0, 27.0, 40.0]),
+        (-90.0, {"drags": 0.3}, [0.0, -20.0, -40.0], [-27.0, -27.0, -40.0]),
+    ],
+)
+def test_what_an_actuator_gives_at_each_step_of_0_1_s(full, fault, demands, given):
+    actuator, found = Actuator(full, **fault), []
     for step, demand in enumerate(demands):
         actuator.act(demand, 0.1 * step)
         found.append(actuator.given)
-    return found
-
-
-def test_a_sound_actuator_gives_what_is_demanded_and_nothing_without():
-    assert given(Actuator(90.0), [10.0, 20.0, math.nan]) == [10.0, 20.0, 0.0]
-
-
-def test_an_actuator_gives_a_share_or_nothing():
-    assert given(Actuator(90.0, gain=0.5), [10.0, 20.0]) == [5.0, 10.0]
-    assert given(Actuator(-5.0, gain=0.0), [-2.0, math.nan]) == [0.0, 0.0]
-
-
-def test_a_late_actuator_gives_the_demand_of_then():
-    assert given(Actuator(90.0, late_s=0.2), [1.0, 2.0, 3.0, 4.0, 5.0]) == [1.0, 1.0, 1.0, 2.0, 3.0]
-
-
-def test_a_stuck_actuator_goes_on_with_what_it_gives():
-    actuator = Actuator(90.0)
-    given(actuator, [30.0])
+    assert found == pytest.approx(given)
     actuator.stuck = 1.0
-    assert given(actuator, [0.0, 80.0]) == [30.0, 30.0]
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_dragging_actuator_gives_no_less_than_its_share(sign):
-    found = given(Actuator(sign * 90.0, drags=0.3), [0.0, sign * 20.0, sign * 40.0])
-    assert found == pytest.approx([sign * 27.0, sign * 27.0, sign * 40.0])
+    actuator.act(80.0, 9.0)
+    assert actuator.given == found[-1]

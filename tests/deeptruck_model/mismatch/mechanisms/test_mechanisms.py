@@ -110,17 +110,6 @@ def test_an_engine_is_derated_as_a_lasting_load_heats_it_from_cold(nothing_missi
         assert lost[at(e, seconds)] == pytest.approx(-0.5 * heat, abs=0.01)
 
 
-def test_a_play_is_taken_up_once_for_each_change_of_sign(nothing_missing: Evidence) -> None:
-    e = nothing_missing
-    engine = np.full(len(e), -0.2)
-    engine[at(e, 50) : at(e, 80)] = 0.4
-    lost = -column(
-        e, "driveline_backlash", variant("play", reach=0.4, holds=0.0, reference=0.0), engine=engine
-    )
-    crossing = lost[at(e, 50) : at(e, 80)]
-    assert crossing.sum() * e.dt == pytest.approx(0.4) and (crossing[round(2.0 / e.dt) :] == 0.0).all()
-
-
 @pytest.mark.parametrize(("lingers", "offered"), [(0.0, {36.0}), (0.1, {36.0, 6.0})])
 def test_a_pedal_that_lingers_is_not_let_go_by_one_border_alone(
     nothing_missing: Evidence, lingers: float, offered: set[float]

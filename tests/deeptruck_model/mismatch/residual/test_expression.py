@@ -192,16 +192,6 @@ def test_every_mechanism_is_the_same_both_ways(effect: str, monkeypatch: pytest.
         assert (np.abs(streamed(apart) - rows) <= 1e-7 * scale).all()
 
 
-@pytest.mark.parametrize("effect", LIBRARY)
-def test_every_mechanism_says_what_it_is(effect: str) -> None:
-    m = LIBRARY[effect]
-    assert m.effect == effect and m.kind in ("missing_physics", "measurement_fault")
-    assert all((m.equation, m.says, m.source, m.manoeuvre, m.needs, m.depends_on))
-    for v in every_variant(m, EVIDENCE):
-        for column in build(m, (v,)):
-            assert column.sd > 0 and column.name and column.unit and column.sign in (0, 1)
-
-
 def test_a_formula_knows_its_signals() -> None:
     force = ex.Lag((ex.Signal("brake") * ex.maximum(SPEED, 1.0),), 3.0) * ex.Signal("gap")
     assert force.signals() == {"brake", "speed", "gap"}

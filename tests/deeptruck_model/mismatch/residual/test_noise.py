@@ -140,11 +140,6 @@ def test_a_force_that_acts_now_and_then_is_no_noise(sigma: float) -> None:
     assert one.b == pytest.approx(1.0, abs=0.2)
 
 
-def test_priors_join_side_by_side() -> None:
-    joined = Prior.join(prior(1, sign=1.0), prior(2, sd=0.5))
-    assert joined.sd.tolist() == [1.0, 0.5, 0.5] and joined.sign.tolist() == [1.0, 0.0, 0.0]
-
-
 def test_recordings_that_disagree_widen_the_interval() -> None:
     X, drives = columns(11, 1), 8
     each = np.repeat(np.linspace(0.1, 0.5, drives), N // drives)
