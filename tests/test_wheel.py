@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import shutil
 import subprocess
@@ -20,13 +19,6 @@ NODES = Path("ros2_ws/src/deeptruck_nodes")
 PACKAGES = {"deeptruck_core", "deeptruck_model", "deeptruck_cacc", "truck_bridge", "deeptruck_nodes"}
 SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
 LEFTOVERS = ("__pycache__", "*.egg-info", "build")
-COLUMNS = """
-time: {column: t, unit: s}
-channels:
-  speed: {column: v, unit: m/s}
-  engine_command: {column: torque, unit: N m}
-  brake_command: {column: brake, unit: percent}
-"""
 
 Call = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -130,16 +122,3 @@ def test_every_program_has_help(program: str, run: Call) -> None:
     done = run(program, "--help")
     assert done.returncode == 0 and not done.stderr
     assert done.stdout.startswith(f"Usage: {program} ")
-
-
-def test_a_table_becomes_a_bag_whose_coverage_is_shown(run: Call, tmp_path: Path) -> None:
-    rows = [f"{k / 10},{15 + 3 * math.sin(k / 40):.3f},{500 + k},0" for k in range(600)]
-    (tmp_path / "log.csv").write_text("\n".join(["t,v,torque,brake", *rows]))
-    (tmp_path / "columns.yaml").write_text(COLUMNS)
-    for words in (
-        ("import", "log.csv", "--columns", "columns.yaml", "--out", "drive"),
-        ("coverage", "drive", "--out", "coverage"),
-    ):
-        done = run("deeptruck-model", *words)
-        assert done.returncode == 0, done.stderr
-    assert (tmp_path / "coverage" / "coverage.png").exists()

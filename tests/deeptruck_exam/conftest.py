@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parent))  # law_trace.py is next to the tests
-
-from law_trace import Trace, setting_of
 
 from deeptruck_exam.cases.build import Built, accelerations, build
 from deeptruck_exam.cases.plan import draw_plan
@@ -46,34 +40,40 @@ def built() -> Callable[..., Built]:
     return made
 
 
+@cache
+def undisturbed(truck: str, led: bool, built: Callable[..., Built]) -> Array:
+    """Acceleration (8, n) of a truck without a law along the drives, m/s^2."""
+    return accelerations(truck_of(truck), built(truck, led).drives)
+
+
 @pytest.fixture(scope="session")
 def acted(built: Callable[..., Built]) -> Callable[[str], Array]:
-    """Acceleration (8, n) of a law's forces along the drives, at the upper end of its sizes, m/s^2."""
+    """Acceleration (8, n) by a law along the drives, at the upper end of its sizes, m/s^2."""
 
     @cache
     def act(key: str) -> Array:
         effect = EFFECTS[key]
-        world = built(effect.trucks[-1], effect.leader)
-        trace = _trace(effect.trucks[-1], effect.leader, built)
+        name = effect.trucks[-1]
+        world = built(name, effect.leader)
+        drives = world.drives
+        along = Setting(
+            world.truck,
+            len(drives.u),
+            drives.u.shape[1] * drives.dt,
+            drives.dt,
+            world.plan.effect_seed,
+            world.roads.start_m,
+            world.roads.direction,
+            world.roads.route,
+            world.leader_m,
+        )
         sizes = SimpleNamespace(**effect.draw(np.random.default_rng(1), scale=4.0))
-        planted = effect.build(setting_of(world), sizes)
-        if planted.filters or planted.parameters:
-            d, nominal = world.drives, truck_of(effect.trucks[-1])
-            other = nominal.with_parameters(dict(planted.parameters)).with_forces([], list(planted.filters))
-            return accelerations(other, d) - accelerations(nominal, d)
-        return trace.acceleration(planted.forces)[0]
+        planted = effect.build(along, sizes)
+        other = truck_of(name).with_parameters(dict(planted.parameters))
+        other = other.with_forces(list(planted.forces), list(planted.filters))
+        return accelerations(other, drives) - undisturbed(name, effect.leader, built)
 
     return act
-
-
-_TRACES: dict[tuple[str, bool], Trace] = {}
-
-
-def _trace(truck: str, led: bool, built: Callable[..., Built]) -> Trace:
-    if (truck, led) not in _TRACES:
-        world = built(truck, led)
-        _TRACES[truck, led] = Trace.of(truck_of(truck), world.drives, setting_of(world))
-    return _TRACES[truck, led]
 
 
 def setting(truck: PhysicsTruck, batch: int = 2) -> Setting:

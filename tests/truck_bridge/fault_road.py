@@ -85,7 +85,6 @@ class Verdict:
     false_s: float  # longest that control was kept on a contradicted speed
     gained: float  # by the truck, until control was handed back or the run ended
     braked: float  # hardest mean acceleration without cause, m/s^2, negative
-    jerk: float  # largest of it without cause, m/s^3
     hit: float  # m/s; NaN for none
     fully: float  # m/s, likewise by full braking from the second true reading; NaN where there was none
     broken: tuple[str, ...]
@@ -129,8 +128,7 @@ class Witness:
         self._chain, self._braking, self.happens = chain, braking, happens
         self._brakes = [d for d in plan if FAULTS[d.name].signals == ("brake",)]
         self._speeds, self._leads = deque[float](maxlen=MEAN), deque[tuple[float, float]](maxlen=MEAN)
-        self._pulls = deque[float](maxlen=MEAN)
-        self._caused_at, self.braked, self.jerk, self.hit = -math.inf, 0.0, 0.0, math.nan
+        self._caused_at, self.braked, self.hit = -math.inf, 0.0, math.nan
         self._true, self.known_at = 0, math.inf  # true readings, and when the second of them came
         self._last: tuple[float, ...] = ()
         self.fully: Stop | None = None
@@ -153,11 +151,8 @@ class Witness:
             self._caused_at = chain.now
         full = len(self._speeds) == MEAN
         moves = (speed - self._speeds[0]) / 0.3 + GRAVITY * max(chain.truck.slope, 0.0) if full else 0.0
-        self._pulls.append(moves)
         if judged and full and chain.now - self._caused_at > CAUSE_S:
             self.braked = min(self.braked, moves + (SLOWER_M_S2 if closing > SLOWER_M_S else 0.0))
-            jerk = (moves - self._pulls[0]) / 0.3 if len(self._pulls) == MEAN and speed > 0.5 else 0.0
-            self.jerk = max(self.jerk, jerk, -jerk)
         if math.isnan(self.hit) and gap <= 0.0:
             self.hit = speed - leader
         if self.fully is None and chain.now >= self.happens:
@@ -330,7 +325,7 @@ class Run:
         ended = scene.begins if scene.early else self.ended
         return Verdict(
             str(scene), scene.traffic, scene.plan, ended - scene.begins, self.false_s, self.gained,
-            witness.braked, witness.jerk, witness.hit, fully, tuple(broken), tuple(unseen),
+            witness.braked, witness.hit, fully, tuple(broken), tuple(unseen),
             self.reason if self.engaged else f"refused: {', '.join(self.why)}",
         )  # fmt: skip
 
@@ -410,15 +405,15 @@ def _row(name: str, mine: list[Verdict]) -> str:
     """A line of the report."""
     ended = [v.ended_s for v in mine if not math.isnan(v.ended_s)]
     longest = f"{max(ended):.2f}" if ended else "-"
-    worst = min(v.braked for v in mine), max(v.jerk for v in mine)
+    worst = min(v.braked for v in mine)
     hits = [v for v in mine if not math.isnan(v.hit)]
     met = [f"{v.hit:.1f} ({v.fully:.1f})" for v in sorted(hits, key=lambda v: -v.hit)[:3]]
     bad = sum(bool(v.broken) for v in mine), sum(bool(v.unseen) for v in mine)
-    shown = f"{len(ended)}, {longest} | {max(v.false_s for v in mine):.2f} | {worst[0]:.1f}, {worst[1]:.1f}"
+    shown = f"{len(ended)}, {longest} | {max(v.false_s for v in mine):.2f} | {worst:.1f}"
     return f"| {name} | {len(mine)} | {shown} | {len(hits)} | {', '.join(met)} | {bad[0]} | {bad[1]} |"
 
 
-HEADS = "runs | handed back, at most s | false speed, s | braked, m/s²; jerk, m/s³ | hits"
+HEADS = "runs | handed back, at most s | false speed, s | braked, m/s² | hits"
 HEADS += " | hardest, m/s (by full braking) | broken | not prevented |"
 
 

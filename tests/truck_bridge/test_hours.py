@@ -1,9 +1,9 @@
 """Hours of the whole chain in lock-step (radar, controller, bridge, bus, truck), with figures by hour.
 
 `python tests/truck_bridge/test_hours.py [--hours 2] [--vehicle trucksim] [DRIVE ...]` prints the table.
-`--drawn 5` drives so many hours of sound driving instead, each quarter of an hour drawn anew: vehicle, load,
-traffic with cut-ins and cut-outs, road, tyres that are worn or new, a noisy radar and its reflections.
-`--drawn 100 --alone` has controller and truck without the bus between them, many drives at once.
+`--drawn 100` drives so many hours of sound driving instead, by controller and truck without the bus between
+them, each quarter of an hour drawn anew: vehicle, load, traffic with cut-ins and cut-outs, road, tyres that
+are worn or new, a noisy radar and its reflections.
 """
 
 from __future__ import annotations
@@ -23,8 +23,6 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fault_chain import LOST_S, NAMES, RADAR, STEP, Chain, Lane, Object, Reading, controller, load
-from fault_lies import Lie
-from fault_road import loaded
 
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import SPEED
@@ -167,12 +165,8 @@ def drive(
     """The figures of each hour; a person engages again 5 s after control was handed back."""
     found, memory, rng = list[Hour](), _memory_kib(), np.random.default_rng(seed)
     slope = lru_cache(8)(lambda distance: road(plan.road).at(distance)[0]) if plan.road != "flat" else None
-    ahead, driven = _ahead(plan, rng, hours * HOUR_S), load(vehicle).driving_off()
-    chain = Chain(driven, rng, ahead, "baseline:acc", slope, plan.radar, loaded(driven.truck, plan.load))
-    if plan.wheels != 1.0:
-        chain.ours.lies.append(Lie(driven, "scale", ("speed", "second_speed"), plan.wheels))
-    if plan.reflections_s < math.inf:
-        chain.lies.append(Reflections(plan.reflections_s, rng))
+    driven = load(vehicle).driving_off()
+    chain = Chain(driven, rng, [Object(plan.leader)], "baseline:acc", slope, plan.radar)
     values, wanted_at, held = chain.truck.parameters, 1.0, False
     per_kelvin = values["brake_heat_capacity"] / values["mass"]
     assert chain.guard.shield is not None
@@ -304,16 +298,13 @@ def alone(vehicle: str, seeds: Sequence[int]) -> Iterator[tuple[int, Hour]]:
     yield from zip(seeds, hours, strict=True)
 
 
-def available(hours: float, first: int, *, without_bus: bool) -> None:
+def available(hours: float, first: int) -> None:
     """Print what ended control in so many hours of drawn driving."""
     seeds, begin = range(first, first + round(hours / PIECE_H)), time.process_time()
     by_vehicle: dict[str, list[int]] = {}
     for seed in seeds:
         by_vehicle.setdefault(drawn(seed)[1], []).append(seed)
-    if without_bus:
-        found = (one for name, its in by_vehicle.items() for one in alone(name, its))
-    else:
-        found = ((seed, hour) for seed in seeds for hour in drive(*drawn(seed), PIECE_H, seed=seed))
+    found = (one for name, its in by_vehicle.items() for one in alone(name, its))
     ended, driven, hardest = Counter[str](), 0.0, 0.0
     for seed, hour in found:
         driven, hardest = driven + hour.driven_s, min(hardest, hour.hardest)
@@ -335,10 +326,9 @@ def main() -> None:
     parser.add_argument("--vehicle", default="trucksim")
     parser.add_argument("--drawn", type=float, default=0.0, help="hours of drawn driving instead")
     parser.add_argument("--first", type=int, default=0, help="seed of the first drawn drive")
-    parser.add_argument("--alone", action="store_true", help="of them without the bus")
     options = parser.parse_args()
     if options.drawn:
-        available(options.drawn, options.first, without_bus=options.alone)
+        available(options.drawn, options.first)
         return
     print(f"| drive | {HEADS} |\n{'|---' * (HEADS.count('|') + 2)}|")
     for name in options.drives or DRIVES:

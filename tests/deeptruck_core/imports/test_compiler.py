@@ -34,8 +34,3 @@ def run(program: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def test_a_folder_named_coverage_does_not_stop_a_truck(tmp_path: Path) -> None:
     done = run(TRUCK, tmp_path)
     assert (done.returncode, done.stdout) == (0, "0.1 False\n"), done.stderr
-
-
-def test_numba_itself_would_stop(tmp_path: Path) -> None:
-    done = run("import numba", tmp_path)
-    assert "module 'coverage' has no attribute 'types'" in done.stderr

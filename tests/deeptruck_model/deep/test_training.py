@@ -1,5 +1,4 @@
 import json
-from contextlib import ExitStack
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -7,10 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
-from deeptruck_model import results, trucks
+from deeptruck_model import trucks
 from deeptruck_model.deep import Arguments, finished, resume, statistics, train, training, trials
 from deeptruck_model.deep.network import WEIGHTS
 from deeptruck_model.deep.training import DivergedError
@@ -265,17 +263,3 @@ def test_weights_that_overflow_are_a_divergence(drive, small, tmp_path):
     with pytest.raises(DivergedError, match=r"take a lower learning rate than 1e\+20"):
         train([drive(60)], tmp_path / "sim", replace(small, learning_rate=1e20))
     assert not list(tmp_path.iterdir())
-
-
-def test_a_run_that_began_while_this_one_prepared_is_left_alone(drive, small, tmp_path, monkeypatch):
-    draft, prepare = files.unfinished(tmp_path / "sim"), training.prepare
-    with ExitStack() as other:
-
-        def overtaken(*everything):
-            (other.enter_context(results.DEEP_TRUCK.going_on(tmp_path / "sim")) / resume.FILE).touch()
-            return prepare(*everything)
-
-        monkeypatch.setattr(training, "prepare", overtaken)
-        with pytest.raises(InputError, match="another run is at work in"):
-            train([drive(60)], tmp_path / "sim", small)
-        assert (draft / resume.FILE).exists()
