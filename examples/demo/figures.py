@@ -17,6 +17,7 @@ from examples.demo.following import Following
 
 FOUND = "#D55E00"
 RUNS = (MODELLED, FOUND)
+ANOTHER_S = (63.0, 64.5)  # when the radar sees another vehicle: `--radar field`
 
 
 @styled()
@@ -72,15 +73,11 @@ def truck_curves(simulator: Path) -> dict[str, list[tuple[int, float]]]:
 
 @styled()
 def following_figure(runs: Sequence[Following]) -> Figure:
-    """The closed-loop runs over each other.
-
-    Time is the first run's: a bag may begin before or after its leader, so the others are moved until their
-    leaders first change speed when its leader does.
-    """
+    """The closed-loop runs over each other."""
     figure = Figure(figsize=(WIDTH_IN, 6.6))
     axes = figure.subplots(4, 1, sharex=True)
     for run, colour in zip(runs, RUNS, strict=False):
-        _follow(axes, run, colour, _delay(runs[0], run), first=run is runs[0])
+        _follow(axes, run, colour, first=run is runs[0])
     for axis, label in zip(
         axes, ("speed\n[m/s]", "time gap\n[s]", "engine\n[N m]", "brake\n[%]"), strict=True
     ):
@@ -92,20 +89,13 @@ def following_figure(runs: Sequence[Following]) -> Figure:
     return figure
 
 
-def _delay(first: Following, run: Following) -> float:
-    """By how much a run's leader moves earlier than the first one's, s."""
-    moves = first.leader_moves_s, run.leader_moves_s
-    return 0.0 if moves[0] is None or moves[1] is None else moves[0] - moves[1]
-
-
-def _follow(axes: Any, run: Following, colour: str, delay: float, *, first: bool) -> None:
-    t, c = run.time + delay, run.channels
+def _follow(axes: Any, run: Following, colour: str, *, first: bool) -> None:
+    t, c = run.time, run.channels
     if first:
         axes[0].plot(t, run.true_leader_speed, color=RECORDED, label="leader")
         axes[1].axhline(run.time_gap, color=GUIDE)
-        if run.another_s is not None:
-            for axis in axes:
-                axis.axvspan(*(delay + s for s in run.another_s), color="0.85", lw=0)
+        for axis in axes:
+            axis.axvspan(*ANOTHER_S, color="0.85", lw=0)
     axes[0].plot(t, c["speed"], color=colour, label=run.title)
     axes[1].plot(t, run.true_gap / np.maximum(c["speed"], 1.0), color=colour)
     axes[2].plot(t, c["engine_command"], color=colour)

@@ -15,9 +15,7 @@ from deeptruck_model.recordings import read
 
 Array = NDArray[np.float64]
 
-ANOTHER_M = 10.0  # what the radar says is that much off the leader only where it sees another vehicle
 SETTLED_S = 5.0
-MOVED = 0.01  # m/s
 TRUTH = {
     "speed": {"topic": "/truck/twist", "field": "twist.linear.x"},
     "gap": {"topic": "/leader/state", "field": "position[name=true_gap]"},
@@ -41,18 +39,6 @@ class Following:
     def target_gap(self) -> Array:
         """m."""
         return self.time_gap * self.channels["speed"]
-
-    @property
-    def another_s(self) -> tuple[float, float] | None:
-        """From when until when the radar saw another vehicle than the leader, s; None where it never did."""
-        off = np.flatnonzero(np.abs(self.channels["gap"] - self.true_gap) > ANOTHER_M)
-        return (float(self.time[off[0]]), float(self.time[off[-1]])) if len(off) else None
-
-    @property
-    def leader_moves_s(self) -> float | None:
-        """When the leader first left its initial speed, s; None where it never did."""
-        moved = np.flatnonzero(np.abs(self.true_leader_speed - self.true_leader_speed[0]) > MOVED)
-        return float(self.time[moved[0]]) if len(moved) else None
 
     def figures(self) -> dict[str, float]:
         """Errors after the start, whatever the radar saw."""
