@@ -17,7 +17,7 @@ from examples.demo.following import Following
 
 FOUND = "#D55E00"
 RUNS = (MODELLED, FOUND)
-ANOTHER_S = (63.0, 64.5)  # when the radar sees another vehicle: `--radar field`
+ANOTHER_S = (63.0, 65.0)  # when the radar sees another vehicle: `--radar field`
 
 
 @styled()
