@@ -11,12 +11,9 @@ from typing import Annotated
 
 import typer
 
-from deeptruck_core import files
 from deeptruck_core.terminal import console
 from examples.demo.runner import StepError, run
-from examples.demo.steps import Settings, plan
-
-DEMO = files.Result("a demo")
+from examples.demo.steps import DEMO, Settings, plan
 
 
 def main(

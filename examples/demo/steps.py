@@ -7,7 +7,10 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from deeptruck_core import files
+
 ROOT = Path(__file__).parents[2]
+DEMO = files.Result("a demo")
 
 
 @dataclass(frozen=True)
