@@ -6,15 +6,16 @@ from pathlib import Path
 
 import pytest
 
+from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter
-from deeptruck_nodes import bag_place
+from deeptruck_nodes.bag_place import BAG, claimed, is_whole
 
 
 def recorded(bag: Path, says: str = "old") -> None:
     """What the recorder does."""
-    writer = CrashSafeWriter(bag, file_stem=bag_place.stem(bag), custom_data={"says": f'"{says}"'})
-    with bag_place.claimed(bag):
+    writer = CrashSafeWriter(bag, file_stem=files.final(bag).name, custom_data={"says": f'"{says}"'})
+    with claimed(bag):
         writer.close()
 
 
@@ -27,9 +28,9 @@ def test_a_bag_of_ours_is_replaced_once_the_new_one_is_whole(tmp_path: Path) -> 
     recorded(bag)
     old = content(bag)
     with pytest.raises(InputError, match=r"a recorded bag already; choose another --record, or add --over"):
-        bag_place.check(bag, overwrite=False)
-    with bag_place.made(bag, overwrite=True) as newer:
-        assert newer is not None and not newer.exists() and content(bag) == old
+        BAG.check(bag)
+    with BAG.recording(bag, overwrite=True, whole=is_whole) as newer:
+        assert not newer.exists() and content(bag) == old
         recorded(newer, "new")
         assert content(bag) == old
     assert [p.name for p in tmp_path.iterdir()] == ["bag"] and content(bag) != old
@@ -42,28 +43,19 @@ def test_what_a_user_puts_into_a_bag_while_it_is_recorded_is_never_replaced(
 ) -> None:
     bag = tmp_path / "bag"
     writer = CrashSafeWriter(bag, file_stem="bag")
-    with bag_place.claimed(bag):
+    with claimed(bag):
         (bag / name).parent.mkdir(exist_ok=True)
         (bag / name).write_text("mine")
         writer.close()
     with pytest.raises(InputError, match=f"bag holds {name.partition('/')[0]}.*no part of a recorded bag"):
-        bag_place.check(bag, overwrite=True)
+        BAG.check(bag, overwrite=True)
     assert (bag / name).read_text() == "mine"
-
-
-def test_logs_do_not_go_into_a_bag(tmp_path: Path) -> None:
-    bag = tmp_path / "bag"
-    recorded(bag)
-    for runs in (bag, bag / "runs"):
-        with pytest.raises(InputError, match="choose another --runs"):
-            bag_place.check_logs(None, runs)
-    bag_place.check_logs(None, tmp_path / "runs")
 
 
 def test_an_empty_folder_may_become_the_bag(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     bag.mkdir()
-    with bag_place.made(bag, overwrite=False):
+    with BAG.recording(bag, overwrite=False, whole=is_whole):
         recorded(bag)
     assert [p.name for p in tmp_path.iterdir()] == ["bag"]
 
@@ -71,4 +63,4 @@ def test_an_empty_folder_may_become_the_bag(tmp_path: Path) -> None:
 def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="choose another --record"):
-        bag_place.check(tmp_path / "file" / "bag", overwrite=False)
+        BAG.check(tmp_path / "file" / "bag")

@@ -26,11 +26,9 @@ def test_a_command_is_repeated_only_while_observations_are_whole(
     domain: int, tmp_path: Path, silent: tuple[str, ...]
 ) -> None:
     received, says = fed_controller(domain, tmp_path, silent)
-    *refused, counts = says.splitlines()
-    assert (
-        counts
-        == "the radar lost the leader 0 times, the shield acted 0 times, the truck was braked fully 0 times"
-    )
+    speed, *refused, counts = says.splitlines()
+    assert speed == "set speed: 25 m/s (90 km/h)"
+    assert "the shield acted 0 x, the truck was braked fully 0 x" in counts
     assert {line.partition(";")[0] for line in refused} <= {"radar newer than the truck speed"}
     samples = 2.0 / 0.2
     assert len(received["came"]) > 2 * samples  # four times as many on an idle machine
@@ -46,7 +44,7 @@ def test_a_silent_radar_sees_no_vehicle_and_what_was_followed_goes_on(
     """For 3 s, as for readings that see nothing: commands are heard until the feed ends 2 s later."""
     received, says = fed_controller(domain, tmp_path, silent)
     assert received["came"][-1] > received["fed"] + 1.5
-    assert "the radar lost the leader 1 time," in says
+    assert "the radar lost the leader 1 x" in says
 
 
 def test_the_engaged_bit_comes_back_until_the_bridge_dies_and_a_radar_is_heard_beyond_a_false_stamp(

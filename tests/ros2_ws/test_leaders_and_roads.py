@@ -14,7 +14,6 @@ from deeptruck_model import trucks
 from deeptruck_model.recordings import write_bag
 from deeptruck_model.trucks import driving_cycles
 from deeptruck_nodes import leaders, roads
-from truck_bridge.emulator.road import road
 
 
 def speeds(text: str, times: list[float]) -> list[float]:
@@ -87,7 +86,6 @@ def test_leaders_and_roads_are_read_as_recordings_are(text: str, tmp_path: Path)
     slope = slope.replace("14,5", "0,02").replace("14.5", "0.02").replace("10,", "0,").replace("10\n", "0\n")
     (tmp_path / "road.csv").write_text(slope.replace("10\t", "0\t").replace(" 10", "0"), encoding="utf-8")
     assert roads.parse(f"table:path={tmp_path}/road.csv").at(102)[0] == 0.02
-    assert road(f"{tmp_path}/road.csv")(102) == 0.02
 
 
 def test_roads_rise_as_much_as_their_grade_says() -> None:

@@ -24,6 +24,7 @@ from deeptruck_core.errors import InputError
 from deeptruck_nodes import environment, page_server
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.page_server import Server, View
+from deeptruck_nodes.topics import COUNTED
 
 LONG = 60.0  # s; on a busy machine
 ABOUT = {
@@ -73,7 +74,7 @@ class Run:
 def run() -> Iterator[Run]:
     listener, token = page_server.opened()
     asked: list[dict[str, float]] = []
-    view = View(ABOUT)
+    view = View(ABOUT, COUNTED)
     made = Run(view, Server(listener, token, view, asked.append), token, asked)
     made.server.start()
     yield made
@@ -149,7 +150,7 @@ def test_a_viewer_sees_the_safety_core_and_its_events(run: Run, open_page: Calla
     run.view.report(4 * SECOND, "can_bridge", "ok", "engaged", engaged)
     run.view.report(5 * SECOND, "controller", "ok", "following", {"shield_interventions": "1"})
     run.view.publish()
-    page.wait(sees("events", "the shield acts"))
+    page.wait(sees("events", "the shield acted"))
     assert page.text("drives") == "The controller drives. Safety core: engaged. Nothing is sent (no load)."
     assert page.text("reasons") == ""
     run.drive(range(6, 8), speed=15.0, engaged=-1.0)
@@ -161,7 +162,7 @@ def test_a_viewer_sees_the_safety_core_and_its_events(run: Run, open_page: Calla
     assert events == [
         "7.0 s ✖ can_bridge: the controller is silent: stopping",
         "6.0 s ▲ the bridge brakes, holds or fades by itself",
-        "5.0 s ▲ controller: the shield acts",
+        "5.0 s ▲ controller: the shield acted",
         "4.0 s ✓ can_bridge: engaged",
         "2.0 s ✓ the controller drives",
         "0.0 s ▲ the driver drives",
@@ -300,7 +301,7 @@ def test_a_drive_over_can_is_watched_to_its_end(
             break
         run.process.send_signal(signal.SIGINT)
         assert run.finish()[0] == 0
-    page.wait(sees("events", "controller: the shield acts"))
+    page.wait(sees("events", "controller: the shield acted"))
     assert re.fullmatch(r"\d+\.\d m/s", page.text("now-speed")) and page.text("now-gap").endswith(" m")
     assert page.errors == []
     run.process.send_signal(signal.SIGINT)

@@ -140,7 +140,7 @@ def test_a_killed_supervisor_leaves_nobody_behind_and_the_domain_free(
 def test_a_run_that_is_not_recorded_says_what_the_controller_counted(start: Callable[..., Any]) -> None:
     code, out, errors = start("start_simulation.py", *TRUCK, "--lockstep", "--duration", 2).finish()
     assert (code, errors) == (0, "")
-    assert out.splitlines()[-2].startswith("controller: the radar lost the leader ")
+    assert "controller: the shield acted 0 x" in out and "leader: smallest gap " in out
 
 
 @pytest.mark.parametrize("after_s", [0.3, pytest.param(1.0, marks=pytest.mark.long)])
@@ -216,7 +216,7 @@ def test_an_older_bag_stands_until_the_new_one_is_whole(
         (newer,) = tmp_path.glob("bag.new")
         assert list(newer.glob("bag_0.mcap"))
     else:
-        assert code == 0 and out.splitlines()[-1].endswith(f"nothing was recorded, {bag} is the older bag")
+        assert code == 0 and out.splitlines()[-1].endswith("nothing was recorded")
         assert not list(tmp_path.glob(".bag*"))
 
 

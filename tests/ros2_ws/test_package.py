@@ -24,7 +24,7 @@ PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PROJECT, VERSION = PYPROJECT["project"], PYPROJECT["tool"]["setuptools_scm"]["fallback_version"]
 XML = ElementTree.parse(PACKAGE / "package.xml").getroot()
 OURS = {"deeptruck_core", "deeptruck_model", "deeptruck_cacc", "truck_bridge", "deeptruck_nodes"}
-OF_PIP = {"numpy", "yaml", "typer", "can", "rosbags"}  # come with the project, which pip installs
+OF_PIP = {"numpy", "yaml", "typer", "can"}  # come with the project, which pip installs
 
 
 def imported() -> set[str]:

@@ -52,9 +52,9 @@ def test_a_file_comes_back_as_it_was_written(tmp_path: Path) -> None:
     ("text", "names"),
     [
         ("a: [", "is not YAML"),
-        ("", "holds no parameters"),
-        ("pilot: {ros__parameters: {x: 1}}", "there is no node 'pilot'"),
-        ("leader: {seed: 1}", "needs 'ros__parameters:'"),
+        ("", "expected 'NODE: {ros__parameters: {name: value}}'"),
+        ("pilot: {ros__parameters: {x: 1}}", "not 'pilot'; nodes are truck_sim"),
+        ("leader: {seed: 1}", "expected 'NODE: {ros__parameters:"),
         ("leader: {ros__parameters: {speeed: 1}}", "has no parameter 'speeed'"),
         ("/leader: {ros__parameters: {seed: -1}}", "outside 0..2147483647"),
     ],

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_core.terminal import console
-from deeptruck_model import checks
-from truck_bridge.emulator.road import road, within
 from truck_bridge.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,12 +21,11 @@ if TYPE_CHECKING:
 EXAMPLES = """
 Examples:\n
   python -m truck_bridge.emulator --vehicle trucksim --interface loopback --channel demo\n
-  python -m truck_bridge.emulator --vehicle volvo --interface socketcan --channel vcan0 --grade road.csv\n
+  python -m truck_bridge.emulator --vehicle volvo --interface socketcan --channel vcan0 --grade 0.02\n
   python -m truck_bridge.emulator --vehicle trucksim --driver 10:brake_pedal=40,12:brake_pedal=0\n
   python -m truck_bridge.emulator --vehicle trucksim --driver engaged+5:brake_pedal=40\n
   python -m truck_bridge.emulator --vehicle trucksim --actuators engaged+10:brake.gain=0.5,20:engine.lost=1
 """
-FASTEST = 50.0  # m/s
 ENGAGED = "engaged+"  # before seconds that count from engagement
 
 
@@ -49,46 +46,29 @@ def main_command(
     vehicle: Annotated[str, typer.Option(help="trucksim, freightliner, volvo or a YAML file.")],
     interface: Annotated[str, typer.Option(help="python-can interface.")] = "loopback",
     channel: Annotated[str, typer.Option(help="Channel of the interface.")] = "deeptruck",
-    truck: Annotated[
-        str | None,
-        typer.Option(
-            help="What drives: truck:NAME, a simulator directory, python:MODULE:FACTORY or fmu:MODEL.fmu."
-        ),
-    ] = None,
-    grade: Annotated[str, typer.Option(help="Slope (rise/run), or a CSV with columns distance,grade.")] = "0",
-    speed: Annotated[float, typer.Option(help="Speed at the start, m/s.")] = 0.0,
+    grade: Annotated[float, typer.Option(help="Slope of the road, rise/run.", min=-0.2, max=0.2)] = 0.0,
+    speed: Annotated[float, typer.Option(help="Speed at the start, m/s.", min=0.0, max=50.0)] = 0.0,
     driver: Annotated[
         str, typer.Option(help="What the driver does: SECONDS:KEY=VALUE,... or engaged+SECONDS:KEY=VALUE,...")
     ] = "",
     actuators: Annotated[
         str, typer.Option(help="Faults of actuators: SECONDS:AXIS.KEY=VALUE,... or engaged+SECONDS:...")
     ] = "",
-    duration: Annotated[float, typer.Option(help="Stop after so many seconds.")] = math.inf,
 ) -> None:
-    """Emulate a truck's controllers around a physics truck on a CAN bus, until the duration, SIGINT, SIGTERM
-    or SIGHUP."""
-    from truck_bridge import vehicles
-
-    checks.every(
-        lambda: checks.simulator(truck or str(vehicles.load(vehicle).truck)),
-        lambda: vehicles.load(vehicle),
-        lambda: driver_actions(driver),
-        lambda: actuator_faults(actuators, vehicles.load(vehicle)),
-        lambda: road(grade),
-        lambda: within("--speed", speed, 0.0, FASTEST),
-        lambda: within("--duration", duration, 0.0, math.inf),
-    )
+    """Emulate a truck's controllers around the simulator that its file names, on a CAN bus, until SIGINT,
+    SIGTERM or SIGHUP."""
     from deeptruck_model.simulators import load
+    from truck_bridge import vehicles
     from truck_bridge.bus import open_bus
     from truck_bridge.emulator.ecus import EcuEmulator
 
     driven = vehicles.load(vehicle)
-    simulator = load(truck or driven.truck)
+    coming = [*driver_actions(driver), *actuator_faults(actuators, driven)]
+    simulator = load(driven.truck)
     with open_bus(interface, channel) as bus:
         print(f"ECU emulator: {driven.name} on {interface} {channel}", flush=True)
-        emulator = EcuEmulator(driven, bus, truck=simulator, grade=road(grade), speed=speed)
-        coming = [*driver_actions(driver), *actuator_faults(actuators, driven)]
-        _drive(emulator, sorted(coming, key=lambda action: action.at), duration)
+        emulator = EcuEmulator(driven, bus, truck=simulator, grade=lambda distance: grade, speed=speed)
+        _drive(emulator, sorted(coming, key=lambda action: action.at))
 
 
 def driver_actions(text: str) -> list[Action]:
@@ -126,13 +106,14 @@ def _actions(option: str, text: str, known: Sequence[str]) -> list[Action]:
     return found
 
 
-def _drive(emulator: EcuEmulator, coming: list[Action], duration: float) -> None:
+def _drive(emulator: EcuEmulator, coming: list[Action]) -> None:
     asked: list[int] = []  # signals: an Event whose lock is held by `wait` would never be set by a handler
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, lambda n, _: asked.append(n))
     start, engaged = time.monotonic(), math.inf
-    while not asked and (now := time.monotonic()) - start <= duration:
+    while not asked:
+        now = time.monotonic()
         for action in list(coming):
             if now - (engaged if action.engaged else start) >= action.at:
                 coming.remove(action)

@@ -64,7 +64,7 @@ def test_an_emulator_ends_in_order_when_its_terminal_is_closed():
     heeding = {"preexec_fn": lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL)}  # as in no background job
     with (
         can.Bus(interface="loopback", channel=channel) as witness,
-        subprocess.Popen([*command, "--duration", "60"], stdout=subprocess.DEVNULL, **heeding) as process,
+        subprocess.Popen(command, stdout=subprocess.DEVNULL, **heeding) as process,
     ):
         assert witness.recv(60) is not None
         process.send_signal(signal.SIGHUP)
@@ -75,7 +75,7 @@ def test_real_processes_drive_and_the_driver_takes_over():
     """Emulator in a process of its own, the bridge's thread here, a third bus as witness; in real time."""
     channel = f"{os.getpid()}-real"
     command = [sys.executable, "-m", "truck_bridge.emulator", "--vehicle", "volvo", "--channel", channel]
-    command += ["--speed", "15", "--driver", "engaged+1:brake_pedal=40", "--duration", "300"]
+    command += ["--speed", "15", "--driver", "engaged+1:brake_pedal=40"]
     vehicle = vehicles.load("volvo")
     witness, ours = (can.Bus(interface="loopback", channel=channel) for _ in range(2))
     bridge, stop, signals = Bridge(vehicle, ours), threading.Event(), {}
@@ -115,21 +115,15 @@ def test_real_processes_drive_and_the_driver_takes_over():
     ("arguments", "says"),
     [
         (["--vehicle", "tram"], "no vehicle 'tram'"),
-        (
-            ["--vehicle", "volvo", "--grade", "hill.csv"],
-            "does not exist; give a number or a table as --grade",
-        ),
+        (["--vehicle", "volvo", "--grade", "hill.csv"], "'--grade': Input should be a valid number"),
         (["--vehicle", "volvo", "--driver", "soon"], "SECONDS:KEY=VALUE"),
         (["--vehicle", "volvo", "--driver", "1:horn=1"], "keys are brake_pedal, accelerator, cancel"),
         (["--vehicle", "volvo", "--driver", "1:brake_pedal=nan"], "values 0 to 100"),
         ([], "Missing option '--vehicle'"),
         (["--vehicle", "volvo", "--speed", "fast"], "'--speed': Input should be a valid number"),
-        (["--vehicle", "volvo", "--speed", "nan"], "--speed must be a number from 0 to 50"),
-        (["--vehicle", "volvo", "--speed", "-3"], "--speed must be a number from 0 to 50"),
-        (["--vehicle", "volvo", "--grade", "nan"], "--grade nan must be a number from -0.5 to 0.5"),
-        (["--vehicle", "volvo", "--duration", "-1"], "--duration must be a number from 0"),
-        (["--vehicle", "volvo", "--truck", "truck:bus"], "bus"),
-        (["--vehicle", "tram", "--truck", "truck:bus", "--speed", "99"], "3 things do not fit"),
+        (["--vehicle", "volvo", "--speed", "nan"], "less than or equal to 50"),
+        (["--vehicle", "volvo", "--speed", "-3"], "greater than or equal to 0"),
+        (["--vehicle", "volvo", "--grade", "nan"], "less than or equal to 0.2"),
         (["--vehicle", "volvo", "--interface", "socketcan", "--channel", "none9"], "cannot open CAN"),
     ],
 )

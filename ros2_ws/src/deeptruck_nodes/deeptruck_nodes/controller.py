@@ -5,20 +5,21 @@ from __future__ import annotations
 import json
 import math
 import time
+from typing import Any
 
 from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import JointState, Range
 
 from deeptruck_cacc.safety.guard import load_controller
+from deeptruck_cacc.safety.truck_limits import STEEPEST, known
 from deeptruck_core.signals import TruckInterface
-from deeptruck_nodes import messages, run_summary
+from deeptruck_model import simulators
+from deeptruck_nodes import messages
 from deeptruck_nodes.following import Following
 from deeptruck_nodes.messages import nanoseconds
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run, say
 from deeptruck_nodes.observation import Alignment, Observation
-from deeptruck_nodes.topics import COMMAND, ENGAGED, RADAR_RANGE, RADAR_TWIST, ROAD, TWIST
-
-OPTIONS = ("shield", "limits_of", "limits_grade", "brake_limit", "brake_rate")  # of the guard
+from deeptruck_nodes.topics import COMMAND, COUNTED, ENGAGED, RADAR_RANGE, RADAR_TWIST, ROAD, TWIST
 
 
 class Controller(DeeptruckNode):
@@ -35,9 +36,12 @@ class Controller(DeeptruckNode):
     def __init__(self) -> None:
         super().__init__("controller")
         interface = TruckInterface.from_dict(json.loads(self.p["interface"])) if self.p["interface"] else None
-        options = {name: self.p[name] for name in OPTIONS}
-        guard = load_controller(self.p["policy"], interface, **options)
+        guard = load_controller(
+            self.p["policy"], interface, shield=self.p["shield"], **self._limits(interface),
+            brake_limit=self.p["brake_limit"], brake_rate=self.p["brake_rate"],
+        )  # fmt: skip
         guard.set_speed = self.p["set_speed"]
+        say(f"set speed: {guard.set_speed:g} m/s ({3.6 * guard.set_speed:.0f} km/h)")
         self._following = Following(guard, self.p["target_time_gap"], self.p["lose_lead_after_s"])
         self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["stale_after_s"])
         self._sent_at = self._observed_at = -math.inf  # monotonic, s
@@ -51,8 +55,33 @@ class Controller(DeeptruckNode):
         self.listen_to(RADAR_TWIST, self._on_radar_twist)
         self.listen_to(TWIST, self._on_twist)
 
+    def _limits(self, interface: TruckInterface | None) -> dict[str, Any]:
+        """What to measure the truck's limits on, where those that are stored for its name do not hold: it has
+        other parameters, or drives steeper descents."""
+        if interface is None or interface.brake_unit is None or not self.p["shield"]:
+            return {}
+        simulator, grade = self.p["limits_of"], min(self.p["limits_grade"], STEEPEST)
+        if simulator:
+            if known(interface, simulators.load(simulator).parameters(), grade) is not None:
+                return {}
+            say(f"limits of {interface.name}: measured on {simulator}, on descents to {-100 * grade:g} %")
+            return {"limits_of": simulator, "limits_grade": grade}
+        own = "'controller: {limits_of: SIM}' in --parameters measures them on a simulator"
+        if known(interface) is None:
+            say(
+                f"note: the limits of {interface.name} were never measured: the shield assumes weak brakes "
+                f"and keeps long gaps; {own}"
+            )
+        else:
+            say(
+                f"note: the limits of {interface.name} are those of the truck of that name on descents to "
+                f"3 %; one of another load needs its own: {own}"
+            )
+        return {}
+
     def close(self) -> None:
-        say(run_summary.hazards(self._following.counts))
+        counts = self._following.counts
+        say(", ".join(f"{says} {counts[name]} x" for name, says in COUNTED.items()))
 
     def tick(self) -> float:
         return IDLE if self.lockstep else self._repeat()

@@ -9,7 +9,6 @@ import os
 import sys
 import tempfile
 import time
-from contextlib import suppress
 from pathlib import Path
 
 from deeptruck_core.errors import InputError
@@ -36,34 +35,20 @@ class DomainLock:
     """
 
     def __init__(self, domain: int) -> None:
-        self._path = Path(tempfile.gettempdir()) / f"deeptruck-domain-{domain}.lock"
+        path = Path(tempfile.gettempdir()) / f"deeptruck-domain-{domain}.lock"
         try:
-            self._file = self._path.open("a+")
+            self._file = path.open("a+")
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InputError(
-                f"another run is using ROS domain {domain} ({self._holder()}); "
-                f"end it, or set {DOMAIN} to another number"
+                f"another run is using ROS domain {domain} ({path.read_text() or 'just starting'}); "
+                f"end its processes, or set {DOMAIN} to another number"
             ) from None
         except OSError as error:
-            raise InputError(f"cannot lock ROS domain {domain} with {self._path}: {error.strerror}") from None
-        self.logs_in(None)
-
-    def logs_in(self, folder: Path | None) -> None:
-        """Store the folder of logs, so that a run that is refused this domain can name its owner."""
+            raise InputError(f"cannot lock ROS domain {domain} with {path}: {error.strerror}") from None
         self._file.truncate(0)
-        self._file.write(f"process {os.getpid()}" + (f", logs in {folder}" if folder else ""))
+        self._file.write(f"process {os.getpid()}")
         self._file.flush()
-
-    def _holder(self) -> str:
-        """The holder of the lock: the run's own description, or the processes that it left behind."""
-        self._file.seek(0)
-        says = self._file.read()
-        alive = _who_has_open(self._path)
-        owner = says.removeprefix("process ").partition(",")[0]
-        if not alive or owner in alive:
-            return says or "just starting"
-        return f"left over from a run that was killed: process {', '.join(alive)}"
 
     @property
     def descriptor(self) -> int:
@@ -74,31 +59,16 @@ class DomainLock:
         self._file.close()
 
 
-def _who_has_open(path: Path) -> list[str]:
-    """Numbers of the other processes that have a file open, if visible to this user."""
-    found = set()
-    for handle in Path("/proc").glob("[0-9]*/fd/*"):
-        with suppress(OSError):
-            if handle.samefile(path):
-                found.add(int(handle.parts[2]))
-    return [str(number) for number in sorted(found - {os.getpid()})]
-
-
-def run_folder(runs: Path, what: str, domain: int) -> Path:
+def run_folder(runs: Path, what: str) -> Path:
     """A new folder for the logs and parameters of one run. Raises InputError if it cannot be created."""
-    stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{what}-{domain}"
-    for n in range(100):
-        folder = (runs / (f"{stem}.{n}" if n else stem)).absolute()
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise InputError(
-                f"cannot write logs to {folder}: {error.strerror}; choose another with --runs"
-            ) from None
-        return folder
-    raise InputError(f"cannot find a free folder below {runs}; choose another with --runs")
+    folder = (runs / f"{time.strftime('%Y%m%d-%H%M%S')}-{what}-{os.getpid()}").absolute()
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot write logs to {folder}: {error.strerror}; choose another with --runs"
+        ) from None
+    return folder
 
 
 def ros_environment(folder: Path, domain: int) -> dict[str, str]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 from geometry_msgs.msg import TwistStamped
 
 from deeptruck_nodes import leaders, messages
 from deeptruck_nodes.messages import SECOND, nanoseconds
-from deeptruck_nodes.node import DeeptruckNode, run
+from deeptruck_nodes.node import DeeptruckNode, run, say
 from deeptruck_nodes.radar import Gap, Radar, RadarErrors
 from deeptruck_nodes.topics import LEADER_STATE, RADAR_RANGE, RADAR_TWIST, TWIST
 
@@ -24,7 +25,7 @@ class LeaderNode(DeeptruckNode):
         names = [field.name for field in dataclasses.fields(RadarErrors)]
         self._radar = Radar(RadarErrors(**{name: self.p[name] for name in names}), self.p["seed"])
         self._first: int | None = None
-        self._smallest = float("inf")
+        self._smallest = math.inf
         self._state = self.publish_on(LEADER_STATE)
         self._range, self._twist = self.publish_on(RADAR_RANGE), self.publish_on(RADAR_TWIST)
         self.listen_to(TWIST, self._on_twist)
@@ -47,6 +48,11 @@ class LeaderNode(DeeptruckNode):
         if self._smallest <= 0:
             level, says = "error", "the truck has hit the leader"
         self.diagnose(stamp, level, says, {"smallest_gap_m": self._smallest})
+
+    def close(self) -> None:
+        if math.isfinite(self._smallest):
+            hit = ": the truck hit the leader" if self._smallest <= 0.0 else ""
+            say(f"smallest gap {max(0.0, self._smallest):.1f} m{hit}")
 
 
 def main() -> None:

@@ -28,6 +28,7 @@ from deeptruck_nodes.node import DeeptruckNode, run
 from deeptruck_nodes.topics import (
     BEST_EFFORT_QOS,
     COMMAND,
+    COUNTED,
     DIAGNOSTICS,
     ENGAGED,
     RADAR_RANGE,
@@ -67,7 +68,7 @@ class LivePage(DeeptruckNode):
         if self.p["interface"]:
             interface = TruckInterface.from_dict(json.loads(self.p["interface"]))
             units = {name: interface.unit(name) for name in interface.u}
-        self._view = page_server.View({"title": self.p["title"], "units": units})
+        self._view = page_server.View({"title": self.p["title"], "units": units}, COUNTED)
         self._control = self.publish_on(REPLAY_CONTROL)
         self._server = page_server.Server(listener, token, self._view, self._ask)
         self._polled: list[tuple[Subscription, Callable[[Any], None]]] = []

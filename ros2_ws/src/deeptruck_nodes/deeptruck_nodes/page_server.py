@@ -37,21 +37,17 @@ DRIVERS = {
     0.0: "the driver drives",
     -1.0: "the bridge brakes, holds or fades by itself",
 }
-COUNTED = {  # by the controller, on /diagnostics
-    "shield_interventions": "the shield acts",
-    "full_brakings": "the truck is braked fully",
-    "drop_outs": "the radar lost the leader",
-}
 
 
 class View:
     """What a viewer sees of a run: every sample of the last minute, and the present state of all else.
 
     Times are ms since the first stamp. `about` is what does not change: the page's title, units of commands.
+    A status value named in `counted` is an event whenever it grows.
     """
 
-    def __init__(self, about: Mapping[str, object]) -> None:
-        self._about = about
+    def __init__(self, about: Mapping[str, object], counted: Mapping[str, str]) -> None:
+        self._about, self._counted = about, counted
         self._now = 0  # newest time of the truck's topics; a radar may have a clock of its own
         self._part = 0  # of a replay: another one begins where it is moved
         self._speed_at: int | None = None
@@ -97,10 +93,10 @@ class View:
         self._nodes[node] = (level, says, time.monotonic())
         if "not_engaged_because" in values:
             self._safety = {key: values.get(key, "") for key in ("state", "not_engaged_because", "no_load")}
-        for name in COUNTED.keys() & values.keys():
+        for name in self._counted.keys() & values.keys():
             count = float(values[name])
             if count > self._counts.get(name, 0.0):
-                self._event(at, "warn", node, COUNTED[name])
+                self._event(at, "warn", node, self._counted[name])
             self._counts[name] = count
 
     def _time(self, stamp: int) -> int:

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from deeptruck_nodes import options, runs
-from deeptruck_nodes.run_checks import Sections
+from deeptruck_nodes.parameters import Sections
 
 EXAMPLES = """
 Examples:\n

@@ -42,7 +42,7 @@ Emulator = Annotated[
     bool, typer.Option("--emulator", help="Put the ECU emulator and a simulated leader behind the bus.")
 ]
 InitialSpeed = Annotated[float, typer.Option(help="Of the emulated truck, m/s.", min=0.0, max=50.0)]
-Grade = Annotated[str, typer.Option(help="Of the emulated road: rise/run, or a CSV distance,grade.")]
+Grade = Annotated[float, typer.Option(help="Of the emulated road, rise/run.", min=-0.2, max=0.2)]
 Driver = Annotated[
     str,
     typer.Option(help="What the emulated truck's driver does: SECONDS:KEY=VALUE,... or engaged+SECONDS:..."),
@@ -82,7 +82,7 @@ def main(
     actuators: Actuators = "",
     initial_speed: InitialSpeed = 20.0,
     initial_gap: options.InitialGap = 0.0,
-    grade: Grade = "0",
+    grade: Grade = 0.0,
     time_gap: options.TimeGap = 2.0,
     engage: Engage = False,
     no_load: NoLoad = False,
@@ -110,18 +110,11 @@ def main(
     for option, text in (("--driver", driver), ("--actuators", actuators)):
         if text and not emulator:
             raise InputError(f"{option} is of the emulated truck: add --emulator")
+    emulated = {"speed": initial_speed, "grade": grade, "driver": driver, "actuators": actuators}
     common = runs.Common(record, overwrite, parameters, run_folders, page)
     raise typer.Exit(
         runs.drive_vehicle(
-            common,
-            given,
-            policy=policy,
-            emulate=emulator,
-            speed=initial_speed,
-            grade=grade,
-            driver=driver,
-            actuators=actuators,
-            duration=duration,
+            common, given, policy=policy, emulator=emulated if emulator else None, duration=duration
         )
     )
 

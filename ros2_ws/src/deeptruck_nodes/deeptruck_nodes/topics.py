@@ -117,6 +117,11 @@ DIAGNOSTICS = Topic(
     ("recorder",),
     "1 Hz a node", "health, refusals, internal states",
 )  # fmt: skip
+COUNTED = {  # by the controller, on DIAGNOSTICS: how often it began
+    "shield_interventions": "the shield acted",
+    "full_brakings": "the truck was braked fully",
+    "drop_outs": "the radar lost the leader",
+}
 REPLAY_STATE = Topic(
     "/replay/state", JointState, ("replay",), (), "10 Hz",
     "recorded time, s: where the replay is, and of how much; paused 1; may_seek 0 while a copy is recorded",
