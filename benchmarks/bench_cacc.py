@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from pathlib import Path
 from typing import Any
 
 import harness
@@ -16,7 +17,7 @@ import torch
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from deeptruck_cacc.environments.adapters import CaccGymEnv, CaccSb3VecEnv
-from deeptruck_cacc.training import trpo
+from deeptruck_cacc.training import TrpoConfig, train
 from deeptruck_model import simulators
 from deeptruck_model.simulators import Simulator
 
@@ -35,11 +36,11 @@ def rate(env: Any, seconds: float) -> float:
     return count * env.num_envs / (time.perf_counter() - began)
 
 
-def seconds(truck: Simulator, config: trpo.TrpoConfig) -> float:
+def seconds(truck: Simulator, config: TrpoConfig) -> float:
     """Median CPU seconds between iterations, so that other programs on the machine do not count."""
     stamps: list[float] = []
     with tempfile.TemporaryDirectory() as out:
-        trpo.train(truck, out, config, progress=lambda *_: stamps.append(time.process_time()))
+        train(truck, Path(out) / "policy", config, progress=lambda *_: stamps.append(time.process_time()))
     return float(np.median(np.diff(stamps)))
 
 
@@ -53,7 +54,7 @@ def main() -> None:
     for batch in (1, 25, 250, 1000):
         rates[f"batched {batch}"] = rate(CaccSb3VecEnv(truck, batch), args.seconds)
     rows = [f"{name} | {value:,.0f} | {value / base:.1f}" for name, value in rates.items()]
-    ten = seconds(truck, trpo.TrpoConfig(seeds=10, iterations=args.iterations))
+    ten = seconds(truck, TrpoConfig(seeds=10, iterations=args.iterations))
     lines = harness.heading(f"The batched environment over {args.simulator}")
     lines += [*harness.table("environment | steps/s | times DummyVecEnv", rows), ""]
     lines += ["TRPO, batches of 20,000 steps:", ""]

@@ -18,13 +18,13 @@ from typing import Any
 import harness
 import numpy as np
 
-from deeptruck_cacc import load_policy, training
+from deeptruck_cacc import load_policy
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import Policy
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.evaluation import evaluate, metrics, platoon
-from deeptruck_cacc.training.analytic import AnalyticConfig
+from deeptruck_cacc.training import AnalyticConfig, train
 from deeptruck_model import deep, simulators, trucks
 from deeptruck_model.trucks import driving_cycles
 
@@ -85,9 +85,7 @@ def learn(truck: str, seeds: int, work: Path) -> None:
     learn_simulator(truck, work)
     if not (work / "policy" / "policy.json").exists():
         began = time.process_time()
-        source = str(work / "simulator")
-        config = AnalyticConfig(seeds=seeds)
-        training.train(simulators.load(source), work / "policy", config=config, source=source)
+        train(str(work / "simulator"), work / "policy", AnalyticConfig(seeds=seeds))
         print(f"trained in {time.process_time() - began:.0f} CPU s")
 
 

@@ -5,21 +5,18 @@ from __future__ import annotations
 import deeptruck_core.terminal.script_start  # noqa: F401 - Ctrl-C during the imports that follow
 
 # isort: split
-from enum import StrEnum
-from functools import partial
+import inspect
+from copy import copy
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, Literal, Optional
 
 import typer
 
+from deeptruck_cacc.training.settings import TRAINERS, options
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_core.terminal import console
-from deeptruck_core.terminal.progress import progress
-
-if TYPE_CHECKING:
-    from deeptruck_cacc.controllers.policy import MlpPolicy
-    from deeptruck_cacc.training.settings import Config
+from deeptruck_core.terminal.progress import bar, progress
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -39,91 +36,58 @@ SimulatorPath = Annotated[
         help="Simulator directory, truck:NAME, python:MODULE:FACTORY or fmu:MODEL.fmu.",
     ),
 ]
-Resume = Annotated[
-    bool, typer.Option("--resume", help="Go on where a killed run of the same command stopped.")
-]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help=files.OVERWRITE_HELP)]
-
-
-class Trainer(StrEnum):
-    """The training methods."""
-
-    analytic = "analytic"
-    trpo = "trpo"
-
-
 WIDE = 130  # columns: narrower, rich cuts the numbers off
 LARGEST_SEED = 2**31 - 1
 
 
-@app.command()
 def train(
     simulator: SimulatorPath,
     out: Annotated[Path, typer.Option(metavar="POLICY", help="Policy directory to write.")],
     trainer: Annotated[
-        Trainer, typer.Option(help="analytic: gradient through the simulator; trpo: the paper's.")
-    ] = Trainer.analytic,
-    seed: Annotated[int, typer.Option(help="First seed.", min=0, max=LARGEST_SEED)] = 0,
-    seeds: Annotated[int, typer.Option(help="Seeds side by side; 0: 3, or 1 with trpo.", min=0, max=100)] = 0,
-    iterations: Annotated[int, typer.Option(help="Updates; 0 is the trainer's default.", min=0)] = 0,
-    scene: Annotated[
-        str, typer.Option(help="Training scenes: paper, graded, moving, wide, late; empty is the default.")
-    ] = "",
-    memory: Annotated[
-        bool | None,
-        typer.Option(help="Slow features (no steady-state error), or the paper's memoryless policy."),
-    ] = None,
-    printed_reward: Annotated[
-        bool,
-        typer.Option("--printed-reward", help="The reward as printed in the paper; with --trainer trpo."),
-    ] = False,
-    resume: Resume = False,
+        Literal["analytic", "trpo"],
+        typer.Option(help="analytic: gradient through the simulator; trpo: the paper's."),
+    ] = "analytic",
     overwrite: Overwrite = False,
+    **settings: Any,
 ) -> None:
     """Train a policy. About four minutes of one core with the default trainer.
 
     Example: deeptruck-cacc train --simulator simulators/mytruck --out policies/mytruck
     """
+    kind = TRAINERS[trainer]
+    given = {name: value for name, value in settings.items() if value is not None}
+    if foreign := given.keys() - {name for name, *_ in options(kind)}:
+        raise InputError(f"--{min(foreign).replace('_', '-')} is no setting of --trainer {trainer}")
+    config = kind(**given)
     from deeptruck_cacc import training
-    from deeptruck_model import checks
-    from deeptruck_model.results import apart
 
-    settings = partial(_config, trainer, seed, seeds, iterations, scene, memory, printed_reward)
-    place = partial(training.check_place, out, resume=resume, overwrite=overwrite)
-    checks.every(settings, partial(apart, out, Path(simulator)), partial(checks.simulator, simulator), place)
-    config = settings()
-    begun = training.begun(out)
-    if training.check(
-        out, trainer=trainer.value, config=config, source=simulator, resume=resume, overwrite=overwrite
-    ):
-        typer.echo(f"{out}: finished before, with this simulator and these arguments; nothing was left to do")
-        return
-    if resume and not begun:
-        typer.echo(f"note: {out} holds nothing to go on from; training from the beginning", err=True)
-    policy = _trained(simulator, out, trainer.value, config, resume, overwrite)
+    with bar("training") as show:
+        policy = training.train(simulator, out, config, overwrite=overwrite, progress=show)
     seed, score = policy.card["seed"], policy.card["validation"]["score"]
     typer.echo(f"{out}: trained; seed {seed} is best, with a validation cost of {score:.3f}")
 
 
-def _trained(
-    simulator: str, out: Path, trainer: str, config: Config, resume: bool, overwrite: bool
-) -> MlpPolicy:
-    from deeptruck_cacc import training
-    from deeptruck_core.terminal.progress import bar
-    from deeptruck_model import simulators
+def _as_options(command: Any) -> Any:
+    """A command whose keyword arguments are the settings of all trainers, each None where it is not given."""
+    found: dict[str, inspect.Parameter] = {}
+    for trainer, kind in TRAINERS.items():
+        for name, of, option, default in options(kind):
+            if name in found:
+                shared = found[name].annotation.__metadata__[0]
+                shared.help += f" {trainer}: {default}."
+                continue
+            option = copy(option)
+            option.help = f"{option.help} {trainer}: {default}."
+            of = Annotated[Optional[of], option]  # noqa: UP045 - a type that is known at run time only
+            found[name] = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=of)
+    named = inspect.signature(command, eval_str=True).parameters.values()
+    own = [parameter for parameter in named if parameter.kind is not parameter.VAR_KEYWORD]
+    command.__signature__ = inspect.Signature([*own, *found.values()])
+    return command
 
-    truck = simulators.load(simulator)
-    with bar("training") as show:
-        return training.train(
-            truck,
-            out,
-            trainer=trainer,
-            config=config,
-            resume=resume,
-            overwrite=overwrite,
-            source=simulator,
-            progress=show,
-        )
+
+app.command()(_as_options(train))
 
 
 @app.command()
@@ -162,42 +126,20 @@ def export(
     Example: deeptruck-cacc export policies/mytruck --out mytruck.onnx
     """
     from deeptruck_cacc.controllers.loading import load_trained
-    from deeptruck_model import checks
     from deeptruck_model.results import apart
 
     if policy.startswith(("baseline:", "planner:")):
         raise InputError(f"{policy} is not a trained policy; only those have an ONNX form")
-    checks.every(
-        lambda: load_trained(Path(policy)), partial(files.check_new, out), partial(apart, out, Path(policy))
-    )
+    apart(out, Path(policy))
+    files.check_new(out)
+    trained = load_trained(Path(policy))
     from deeptruck_cacc.controllers.export import export_onnx
 
-    export_onnx(load_trained(Path(policy)), out)
+    export_onnx(trained, out)
     typer.echo(f"{out}: written")
 
 
-def _config(
-    trainer: Trainer,
-    seed: int,
-    seeds: int,
-    iterations: int,
-    scene: str,
-    memory: bool | None,
-    printed_reward: bool,
-) -> Config:
-    """The settings of a run; missing ones are the trainer's defaults."""
-    from deeptruck_cacc.training.settings import AnalyticConfig, TrpoConfig
-
-    kind: type[Config] = TrpoConfig if trainer is Trainer.trpo else AnalyticConfig
-    if printed_reward and kind is AnalyticConfig:
-        raise InputError("--printed-reward is the paper's, for --trainer trpo")
-    given: dict[str, Any] = {"seed": seed}
-    given |= {"printed_reward": True} if printed_reward else {}
-    given |= {"seeds": seeds} if seeds else {}
-    given |= {"iterations": iterations} if iterations else {}
-    given |= {"scene": scene} if scene else {}
-    given |= {"memory": memory} if memory is not None else {}
-    return kind(**given)
+console.moved(app, "sweep", "'deeptruck-cacc train', one run for each setting")
 
 
 console.moved(

@@ -63,7 +63,7 @@ COMMANDS = tuple(
             "deeptruck-cacc train --simulator truck:trucksim --scene paper --seeds 1 --iterations 4 "
             "--out out",
             "policy.safetensors",
-            "--resume",
+            "--overwrite",
         ),
         (
             "record",

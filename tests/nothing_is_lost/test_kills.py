@@ -5,7 +5,7 @@ from __future__ import annotations
 import kills
 import pytest
 
-QUICKEST = ("cacc train", "record")  # one that goes on by --resume, and the recorder
+QUICKEST = ("train", "record")  # one that goes on by --resume, and the recorder
 
 
 @pytest.mark.timeout(3600)

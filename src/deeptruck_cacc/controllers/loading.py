@@ -16,7 +16,7 @@ from safetensors.numpy import load_file
 from deeptruck_cacc.controllers.baselines import baseline
 from deeptruck_cacc.controllers.policy import MANIFEST, TYPICAL, WEIGHTS, MlpPolicy, Policy
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
-from deeptruck_core import files, reading
+from deeptruck_core import reading
 from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
@@ -150,8 +150,6 @@ def read_manifest(path: Path) -> dict[str, Any]:
     if path.suffix == ".onnx":
         raise InputError(f"{path}: ONNX does not drive here; use the policy directory it was made from")
     if not (path / MANIFEST).exists():
-        if files.unfinished(path).is_dir():
-            raise InputError(f"the training of {path} is not finished; repeat its command with --resume")
         raise InputError(
             f"{path} is not a policy directory: it has no {MANIFEST}; make one with 'deeptruck-cacc train', "
             "or use 'baseline:acc'"

@@ -14,16 +14,13 @@ from safetensors.numpy import save as to_bytes
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap, paper_signals
 from deeptruck_core import files, reading
 from deeptruck_core.arrays import Array
-from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 
 Observation = Mapping[str, Any]
 
 TYPICAL = {"leader_speed": 20.0, "speed": 20.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.0}
 MANIFEST, WEIGHTS = "policy.json", "policy.safetensors"
-GO_ON = "make room and go on with --resume"
-CORRECT_IT = "correct that and go on with --resume"
-POLICY = files.Result("a policy", resumes_from=("checkpoint/state.safetensors",))
+POLICY = files.Result("a policy")
 
 
 @runtime_checkable
@@ -100,20 +97,10 @@ class MlpPolicy:
         Raises InputError if it cannot be written, and if `path` holds a policy and `overwrite` is not set.
         """
         with POLICY.replacing(Path(path), overwrite=overwrite) as draft:
-            self._write(draft)
+            self.write(draft)
 
-    def write_into(self, draft: Path) -> None:
-        """Write policy.json and policy.safetensors into the folder of an unfinished training.
-
-        Raises InputError if they cannot be written.
-        """
-        try:
-            self._write(draft)
-        except OSError as error:
-            cure = files.advice(error, GO_ON, CORRECT_IT)
-            raise InputError(f"cannot write {draft}: {error.strerror}; {cure}") from None
-
-    def _write(self, folder: Path) -> None:
+    def write(self, folder: Path) -> None:
+        """Write policy.json and policy.safetensors into a folder, which is made if it does not exist."""
         tensors = {f"{k}.weight": np.ascontiguousarray(w) for k, (w, _) in enumerate(self.layers)}
         tensors |= {f"{k}.bias": np.ascontiguousarray(b) for k, (_, b) in enumerate(self.layers)}
         folder.mkdir(parents=True, exist_ok=True)

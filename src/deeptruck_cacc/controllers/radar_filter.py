@@ -6,13 +6,17 @@ truck's own motion is an input of the filter, so that only changes of the leader
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from deeptruck_core.arrays import Array
+
+def library(values: Any) -> Any:
+    """numpy for its arrays, else torch, which a controller does not load."""
+    return np if isinstance(values, np.ndarray) else sys.modules["torch"]
 
 
 @dataclass(frozen=True)
@@ -53,14 +57,15 @@ class RadarFilter:
         """Inverse of dataclasses.asdict, also after JSON."""
         return cls(**{**data, "gain": tuple((float(a), float(b)) for a, b in data["gain"])})
 
-    def __call__(self, signals: Array, track: Array) -> tuple[Array, Array]:
-        """Signals (batch, 5) with estimated gap and leader speed, and the next track."""
-        seen = signals[:, [2, 0]]
-        off = np.abs(seen - track[:, :2])
+    def __call__(self, signals: Any, track: Any) -> tuple[Any, Any]:
+        """Signals (batch, 5) with estimated gap and leader speed, and the next track; numpy arrays or torch
+        tensors."""
+        xp, seen = library(signals), signals[:, [2, 0]]
+        off = xp.abs(seen - track[:, :2])
         kept = (off[:, :1] < self.lost_m) & (off[:, 1:] < self.lost_speed)  # NaN is not
-        track = np.where(kept, track, np.column_stack([seen, np.zeros(len(seen))]))
-        track = track + (seen - track[:, :2]) @ np.transpose(self.gain)
+        track = xp.where(kept, track, xp.concatenate([seen, xp.zeros_like(seen[:, :1])], 1))
+        track = track + (seen - track[:, :2]) @ xp.asarray(self.gain, dtype=signals.dtype).T
         gap, leader, pull = track.T
         speed, target, grade = signals[:, [1, 3, 4]].T
-        likely = np.column_stack([leader, speed, gap, target, grade])
-        return likely, np.column_stack([gap + self.dt * (leader - speed), leader + self.dt * pull, pull])
+        expected = [gap + self.dt * (leader - speed), leader + self.dt * pull, pull]
+        return xp.stack([leader, speed, gap, target, grade], 1), xp.stack(expected, 1)

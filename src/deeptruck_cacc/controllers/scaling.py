@@ -1,4 +1,7 @@
-"""Maps between the signals and a policy network: features of order one as input, scaled actions as output."""
+"""Maps between the signals and a policy network: features of order one as input, scaled actions as output.
+
+Features are computed by numpy in a controller and by torch in training, by the same lines.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from deeptruck_cacc.controllers.approach import approach
-from deeptruck_cacc.controllers.radar_filter import RadarFilter
+from deeptruck_cacc.controllers.radar_filter import RadarFilter, library
 from deeptruck_core.arrays import Array
 from deeptruck_core.constants import ROUNDED_GRAVITY
 from deeptruck_core.errors import InputError
@@ -103,10 +106,12 @@ class FeatureMap:
 
     With `radar`, which needs `power`, all features use the filtered gap and leader speed. Memory (batch, 9)
     ends with the filter's track.
+
+    Signals and memory are numpy arrays, or torch tensors if `matrix` and `offset` are.
     """
 
-    matrix: Array
-    offset: Array
+    matrix: Any
+    offset: Any
     memory: bool = True
     dt: float = 0.1
     integral_clip_m: float = 2.0
@@ -151,58 +156,58 @@ class FeatureMap:
         still = [0.0, np.nan, np.nan, np.nan, 0.0, 0.0, np.nan, np.nan, np.nan]
         return np.tile(still[: self.remembered], (batch, 1))
 
-    def __call__(self, signals: Array, memory: Array) -> tuple[Array, Array]:
+    def __call__(self, signals: Any, memory: Any) -> tuple[Any, Any]:
         """Features (batch, n) and the next memory, from signals (batch, 5) and memory."""
-        track = memory[:, 6:]
+        xp, track = library(signals), memory[:, 6:]
         if self.radar:
             signals, track = self.radar(signals, track)
         features = signals @ self.matrix.T + self.offset
         if not self.memory:
             return features, memory
         speeds = signals[:, :2]
-        slow = np.where(np.isnan(memory[:, 1:3]), speeds, memory[:, 1:3])
+        slow = xp.where(xp.isnan(memory[:, 1:3]), speeds, memory[:, 1:3])
         error = signals[:, 2] - signals[:, 3]
         if self.power:
             error = error / (1 + (error / self.knee_m) ** 2)
-        error = np.clip(error, -self.integral_clip_m, self.integral_clip_m)
-        integral = np.clip(memory[:, 0] + self.dt * error, -self.integral_limit, self.integral_limit)
+        error = xp.clip(error, -self.integral_clip_m, self.integral_clip_m)
+        integral = xp.clip(memory[:, 0] + self.dt * error, -self.integral_limit, self.integral_limit)
         rates = (speeds - slow) / self.slow_s
-        slow = slow + self.dt * rates
         parts = [features, integral[:, None] / INTEGRAL_UNIT, rates / ACCELERATION_UNIT]
-        kept = memory[:, 3:]
+        kept = [integral[:, None], slow + self.dt * rates]
         if self.power:
             ideal, pull, far = self._ideal(signals, memory[:, 3])
             parts += [self._power(signals, rates[:, 1], integral, ideal, pull, far), memory[:, 4:6]]
-            kept = np.column_stack([ideal + self.dt * pull, memory[:, 4:6], track])
-        return np.hstack(parts), np.column_stack([integral, slow, kept])
+            kept += [(ideal + self.dt * pull)[:, None], memory[:, 4:6], track]
+        return xp.concatenate(parts, 1), xp.concatenate(kept, 1)
 
-    def remember(self, memory: Array, action: Array) -> Array:
+    def remember(self, memory: Any, action: Any) -> Any:
         """Memory after an action (batch, 2), which updates the slow actions."""
-        slow = memory[:, 4:6]
-        change = np.clip(action, -1.0, 1.0)[:, : slow.shape[1]] - slow
-        return np.hstack([memory[:, :4], slow + self.dt / self.slow_s * change, memory[:, 6:]])
+        if not self.power:
+            return memory
+        xp, slow = library(memory), memory[:, 4:6]
+        slow = slow + self.dt / self.slow_s * (xp.clip(action, -1.0, 1.0) - slow)
+        return xp.concatenate([memory[:, :4], slow, memory[:, 6:]], 1)
 
     @staticmethod
-    def _time_gap(signals: Array) -> Array:
+    def _time_gap(signals: Any) -> Any:
         """Desired time gap (batch,), s, estimated as well as possible near standstill."""
-        return np.asarray(np.clip(signals[:, 3] / np.maximum(signals[:, 1], LEAST_SPEED), *TIME_GAPS))
+        xp = library(signals)
+        return xp.clip(signals[:, 3] / xp.clip(signals[:, 1], LEAST_SPEED, None), *TIME_GAPS)
 
-    def _ideal(self, signals: Array, before: Array) -> tuple[Array, Array, Array]:
+    def _ideal(self, signals: Any, before: Any) -> tuple[Any, Any, Any]:
         """The ideal follower's speed, its acceleration and its excess gap, each (batch,).
 
         The excess gap is zero for the speed that suits the gap.
         """
-        leader, speed, gap = signals.T[:3]
+        xp, (leader, speed, gap) = library(signals), signals.T[:3]
         time_gap = self._time_gap(signals)
         if self.approach:
             above, slope = approach(gap - time_gap * leader, time_gap, self.approach)
-            return leader + above, slope * (leader - speed), np.zeros_like(gap)
-        ideal = np.where(np.isnan(before), leader, before)
+            return leader + above, slope * (leader - speed), xp.zeros_like(gap)
+        ideal = xp.where(xp.isnan(before), leader, before)
         return ideal, (leader - ideal) / time_gap, gap - time_gap * ideal
 
-    def _power(
-        self, signals: Array, rate: Array, integral: Array, ideal: Array, pull: Array, far: Array
-    ) -> Array:
+    def _power(self, signals: Any, rate: Any, integral: Any, ideal: Any, pull: Any, far: Any) -> Any:
         """Features of the required power, (batch, 7), from signals, the truck's slow acceleration, the
         integral of the gap error and the results of _ideal, each (batch,).
 
@@ -210,15 +215,15 @@ class FeatureMap:
         (s), with a fine resolution near zero; the acceleration that also removes the errors; and power (in 8
         W/kg), required and delivered, since an engine command is nearly a power.
         """
-        _, speed, gap, target, grade = signals.T
+        xp, (_, speed, gap, target, grade) = library(signals), signals.T
         time_gap = self._time_gap(signals)
         behind, lasting = ideal - speed, self.integral_rate * integral / time_gap
         closing = self.closing_s + self.closing_share * time_gap
-        wanted = np.clip(pull + (SPEED_HASTE * (behind + lasting) + far / closing) / closing, *WANTED)
-        late = np.tanh((gap - target) / np.maximum(speed, LEAST_SPEED) / TIME_GAP_UNIT)
-        power = (np.stack([wanted, rate]) + ROUNDED_GRAVITY * grade) * speed / POWER_UNIT
+        wanted = xp.clip(pull + (SPEED_HASTE * (behind + lasting) + far / closing) / closing, *WANTED)
+        late = xp.tanh((gap - target) / xp.clip(speed, LEAST_SPEED, None) / TIME_GAP_UNIT)
+        powers = [(x + ROUNDED_GRAVITY * grade) * speed / POWER_UNIT for x in (wanted, rate)]
         accelerations = pull / ACCELERATION_UNIT, wanted / ACCELERATION_UNIT
-        return np.column_stack([accelerations[0], behind, far / GAP_UNIT, late, accelerations[1], *power])
+        return xp.stack([accelerations[0], behind, far / GAP_UNIT, late, accelerations[1], *powers], 1)
 
     def to_dict(self) -> dict[str, Any]:
         """Content for policy.json."""

@@ -1,4 +1,4 @@
-"""Adapters of the batched environment for Gymnasium, Gymnasium vector, and Stable-Baselines3.
+"""Adapters of the environment for Gymnasium, one pair of trucks, and Stable-Baselines3, a batch of them.
 
 Importing this module registers `deeptruck/Cacc-v0`. Actions are in [-1, 1]^2 (see ActionScale) and
 observations are the features of FeatureMap, clipped to +-REACH.
@@ -10,8 +10,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -29,8 +27,7 @@ Floats = NDArray[np.float32]
 
 
 class _Face:
-    """Common part of the three adapters: a batched environment, its feature map and the spaces of one
-    member."""
+    """Common part of the adapters: a batched environment, its feature map and the spaces of one member."""
 
     def _open(
         self,
@@ -99,52 +96,8 @@ class CaccGymEnv(_Face, gymnasium.Env):
         return seen[0], float(reward[0]), False, self.cacc.done, {name: v[0] for name, v in info.items()}
 
 
-class CaccVectorEnv(_Face, VectorEnv):
-    """The batch as a Gymnasium vector environment; all members restart in the step that ends a path."""
-
-    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
-
-    def __init__(
-        self,
-        simulator: Simulator | str = "truck:trucksim",
-        num_envs: int = 25,
-        *,
-        steps: int = PATH,
-        scene: str = "paper",
-        reward: Reward | None = None,
-        memory: bool = False,
-    ) -> None:
-        self._open(simulator, num_envs, steps, scene, reward, memory, 0)
-        self.num_envs = num_envs
-        self.single_observation_space, self.single_action_space = self.one_observation, self.one_action
-        self.observation_space = batch_space(self.one_observation, num_envs)
-        self.action_space = batch_space(self.one_action, num_envs)
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Floats, dict[str, Any]]:
-        """Start a path in every member."""
-        super().reset(seed=seed)
-        return self._start(seed), {}
-
-    def step(
-        self, actions: NDArray[Any]
-    ) -> tuple[Floats, NDArray[Any], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """One dt of every member; info holds arrays, and final_obs where the path ended."""
-        seen, reward, info = self._act(actions)
-        ended = np.full(self.num_envs, self.cacc.done)
-        if self.cacc.done:
-            info = {**info, "final_obs": seen}
-            seen = self._start(None)
-        return seen, reward, np.zeros(self.num_envs, bool), ended, info
-
-
 class CaccSb3VecEnv(_Face, VecEnv):
-    """The batch as a Stable-Baselines3 VecEnv.
-
-    `last_info` holds the step's arrays, `last_returns` those of the last paths; the dicts per member are
-    filled only at the end of a path.
-    """
+    """The batch as a Stable-Baselines3 VecEnv; the dicts of its members are filled at the end of a path."""
 
     def __init__(
         self,
@@ -158,8 +111,7 @@ class CaccSb3VecEnv(_Face, VecEnv):
         seed: int = 0,
     ) -> None:
         self._open(simulator, num_envs, steps, scene, reward, memory, seed)
-        self.last_info: dict[str, Any] = {}
-        self._return, self.last_returns = np.zeros(num_envs), np.zeros(num_envs)
+        self._return = np.zeros(num_envs)
         self._empty: list[dict[str, Any]] = [{} for _ in range(num_envs)]
         VecEnv.__init__(self, num_envs, self.one_observation, self.one_action)
 
@@ -176,7 +128,7 @@ class CaccSb3VecEnv(_Face, VecEnv):
 
     def step_wait(self) -> tuple[Floats, NDArray[Any], NDArray[np.bool_], list[dict[str, Any]]]:
         """One dt of every member."""
-        seen, reward, self.last_info = self._act(self._actions)
+        seen, reward, _ = self._act(self._actions)
         self._return += reward
         done = np.full(self.num_envs, self.cacc.done)
         if not self.cacc.done:
@@ -189,7 +141,7 @@ class CaccSb3VecEnv(_Face, VecEnv):
             }
             for s, r in zip(seen, self._return.tolist(), strict=True)
         ]
-        self.last_returns, self._return = self._return, np.zeros(self.num_envs)
+        self._return = np.zeros(self.num_envs)
         return self._start(None), reward.astype(np.float32), done, infos
 
     def close(self) -> None:

@@ -10,12 +10,8 @@ NAME = "deeptruck/Cacc-v0"
 
 
 def register() -> None:
-    """Make `gymnasium.make(NAME)` and `gymnasium.make_vec(NAME, ...)` find the environment."""
+    """Make `gymnasium.make(NAME)` find the environment."""
     from gymnasium.envs import registration
 
     if NAME not in registration.registry:
-        registration.register(
-            NAME,
-            entry_point="deeptruck_cacc.environments.adapters:CaccGymEnv",
-            vector_entry_point="deeptruck_cacc.environments.adapters:CaccVectorEnv",
-        )
+        registration.register(NAME, entry_point="deeptruck_cacc.environments.adapters:CaccGymEnv")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -10,24 +11,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deeptruck_cacc.controllers.approach import approach
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import MlpPolicy
-from deeptruck_cacc.controllers.radar_filter import RadarFilter
-from deeptruck_cacc.controllers.scaling import (
-    ACCELERATION_UNIT,
-    GAP_UNIT,
-    INTEGRAL_UNIT,
-    LEAST_SPEED,
-    POWER_UNIT,
-    SPEED_HASTE,
-    TIME_GAP_UNIT,
-    TIME_GAPS,
-    WANTED,
-    ActionScale,
-    FeatureMap,
-)
-from deeptruck_core.constants import ROUNDED_GRAVITY
+from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
 from deeptruck_core.signals import TruckInterface
 
 # Scales at which a follower starts through the tanh of three layers; the brake's is small, so that it brakes
@@ -76,8 +62,8 @@ class SeedBatch(torch.nn.Module):
         with torch.no_grad():
             self.biases[-1][:, :, 0] = -0.5  # a quarter of the engine: about what holds a truck's speed
             self.biases[-1][:, :, 1] = -0.2  # brake released: one that starts dragging is slow to let go
-        self.matrix = torch.tensor(features.matrix, dtype=torch.float32)
-        self.offset = torch.tensor(features.offset, dtype=torch.float32)
+        matrix, offset = (torch.tensor(x, dtype=torch.float32) for x in (features.matrix, features.offset))
+        self.observe = replace(features, matrix=matrix, offset=offset)
 
     @classmethod
     def of(cls, policy: MlpPolicy) -> SeedBatch:
@@ -126,61 +112,7 @@ class SeedBatch(torch.nn.Module):
             hidden = hidden if k == last else torch.tanh(hidden)
         mean = hidden.reshape(-1, 2)
         action: Tensor = _ClipInward.apply(mean, -1.0, 1.0)  # type: ignore[no-untyped-call]
-        f, slow = self.features, memory[:, 4:6]
-        if f.power:
-            slow = slow + f.dt / f.slow_s * (action - slow)
-            memory = torch.cat([memory[:, :4], slow, memory[:, 6:]], dim=1)
-        return action, memory
-
-    def observe(self, signals: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
-        """FeatureMap in torch: features and next memory."""
-        f, track = self.features, memory[:, 6:]
-        if f.radar:
-            signals, track = _filtered(f.radar, signals, track)
-        features = signals @ self.matrix.T + self.offset
-        if not f.memory:
-            return features, memory
-        speeds = signals[:, :2]
-        slow = torch.where(memory[:, 1:3].isnan(), speeds, memory[:, 1:3])
-        error = signals[:, 2] - signals[:, 3]
-        if f.power:
-            error = error / (1 + (error / f.knee_m) ** 2)
-        error = error.clamp(-f.integral_clip_m, f.integral_clip_m)
-        integral = (memory[:, 0] + f.dt * error).clamp(-f.integral_limit, f.integral_limit)
-        rates = (speeds - slow) / f.slow_s
-        parts = [features, integral[:, None] / INTEGRAL_UNIT, rates / ACCELERATION_UNIT]
-        kept = [integral[:, None], slow + f.dt * rates]
-        if f.power:
-            ideal, pull, far = self._ideal(signals, memory[:, 3])
-            power = self._power(signals, rates[:, 1], integral, ideal, pull, far)
-            parts += [power, memory[:, 4:6]]
-            kept += [(ideal + f.dt * pull)[:, None], memory[:, 4:6], track]
-        return torch.cat(parts, dim=1), torch.cat(kept, dim=1)
-
-    def _ideal(self, signals: Tensor, before: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """FeatureMap._ideal in torch."""
-        leader, speed, gap = signals.unbind(dim=1)[:3]
-        time_gap = _time_gap(signals)
-        if self.features.approach:
-            above, slope = approach(gap - time_gap * leader, time_gap, self.features.approach)
-            return leader + above, slope * (leader - speed), torch.zeros_like(gap)
-        ideal = torch.where(before.isnan(), leader, before)
-        return ideal, (leader - ideal) / time_gap, gap - time_gap * ideal
-
-    def _power(
-        self, signals: Tensor, rate: Tensor, integral: Tensor, ideal: Tensor, pull: Tensor, far: Tensor
-    ) -> Tensor:
-        """FeatureMap._power in torch."""
-        f, (_, speed, gap, target, grade) = self.features, signals.unbind(dim=1)
-        time_gap = _time_gap(signals)
-        behind, lasting = ideal - speed, f.integral_rate * integral / time_gap
-        closing = f.closing_s + f.closing_share * time_gap
-        wanted = (pull + (SPEED_HASTE * (behind + lasting) + far / closing) / closing).clamp(*WANTED)
-        powers = [(x + ROUNDED_GRAVITY * grade) * speed / POWER_UNIT for x in (wanted, rate)]
-        late = torch.tanh((gap - target) / speed.clamp(min=LEAST_SPEED) / TIME_GAP_UNIT)
-        accelerations = pull / ACCELERATION_UNIT, wanted / ACCELERATION_UNIT
-        columns = [accelerations[0], behind, far / GAP_UNIT, late, accelerations[1], *powers]
-        return torch.stack(columns, dim=1)
+        return action, self.observe.remember(memory, action)
 
     def asked(self, action: Tensor) -> tuple[Tensor, Tensor]:
         """Engine and brake shares of their ranges that an action requests; in the brake's inactive half the
@@ -197,11 +129,7 @@ class SeedBatch(torch.nn.Module):
         return torch.stack([s.engine_low + engine * reach, brake * s.brake_high], dim=1)
 
     def policy(
-        self,
-        seed: int,
-        interface: TruckInterface,
-        coverage: dict[str, tuple[float, float]],
-        card: dict[str, Any],
+        self, seed: int, interface: TruckInterface, coverage: dict[str, tuple[float, float]]
     ) -> MlpPolicy:
         """One seed as the numpy policy."""
 
@@ -210,21 +138,4 @@ class SeedBatch(torch.nn.Module):
 
         pairs = zip(self.weights, self.biases, strict=True)
         layers = [(array(weight[seed]), array(bias[seed, 0])) for weight, bias in pairs]
-        return MlpPolicy(layers, self.features, self.scale, interface, coverage, card)
-
-
-def _time_gap(signals: Tensor) -> Tensor:
-    """FeatureMap._time_gap in torch."""
-    return (signals[:, 3] / signals[:, 1].clamp(min=LEAST_SPEED)).clamp(*TIME_GAPS)
-
-
-def _filtered(radar: RadarFilter, signals: Tensor, track: Tensor) -> tuple[Tensor, Tensor]:
-    """RadarFilter in torch."""
-    seen = signals[:, [2, 0]]
-    off = (seen - track[:, :2]).abs()
-    kept = (off[:, :1] < radar.lost_m) & (off[:, 1:] < radar.lost_speed)
-    track = torch.where(kept, track, torch.cat([seen, torch.zeros_like(seen[:, :1])], dim=1))
-    gap, leader, pull = (track + (seen - track[:, :2]) @ torch.tensor(radar.gain).T).unbind(dim=1)
-    speed, target, grade = signals[:, [1, 3, 4]].unbind(dim=1)
-    expected = gap + radar.dt * (leader - speed), leader + radar.dt * pull, pull
-    return torch.stack([leader, speed, gap, target, grade], dim=1), torch.stack(expected, dim=1)
+        return MlpPolicy(layers, self.features, self.scale, interface, coverage)

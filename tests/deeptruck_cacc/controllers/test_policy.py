@@ -242,12 +242,6 @@ def test_calibrated_pedals_give_the_wanted_acceleration(toy):
     np.testing.assert_allclose(got, wanted, atol=0.05)
 
 
-def test_a_training_that_was_killed_is_named_as_such(tmp_path):
-    (tmp_path / ".p.unfinished").mkdir()
-    with pytest.raises(InputError, match=r"training of .*p is not finished; .* --resume"):
-        load_policy(tmp_path / "p")
-
-
 def test_a_truck_in_place_of_its_interface_is_said_in_a_line(tmp_path):
     with pytest.raises(InputError, match="str is no TruckInterface"):
         load_policy("baseline:acc", "trucksim")

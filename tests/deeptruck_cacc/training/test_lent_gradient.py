@@ -6,7 +6,7 @@ import torch
 
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.rollouts import roll_out
-from deeptruck_cacc.training import analytic, train
+from deeptruck_cacc.training import AnalyticConfig, train
 from deeptruck_cacc.training.lent_gradient import LentGradient, with_gradient
 from deeptruck_core.signals import SPEED
 from deeptruck_model import simulators
@@ -68,8 +68,8 @@ def test_a_truck_with_a_gradient_keeps_it(toy):
 def test_training_on_a_physics_truck_gets_better_and_holds_the_gap(trucksim, tmp_path):
     scores = []
     for iterations in (1, 40):
-        config = analytic.AnalyticConfig(seeds=1, rollouts=12, iterations=iterations, window=80)
-        policy = train(trucksim, tmp_path / str(iterations), config=config)
+        config = AnalyticConfig(seeds=1, rollouts=12, iterations=iterations, window=80)
+        policy = train(trucksim, tmp_path / str(iterations), config)
         scores.append(policy.card["validation"]["score"])
     assert scores[1] < 0.85 * scores[0]
     trace = roll_out(trucksim, policy, scenes.paper(np.random.default_rng(1), 30, 400, trucksim.dt))

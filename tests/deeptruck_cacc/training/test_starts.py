@@ -14,13 +14,10 @@ from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.hard_scenes import cut_in
 from deeptruck_cacc.environments.reward import Reward
 from deeptruck_cacc.environments.rollouts import roll_out
-from deeptruck_cacc.training import analytic
 from deeptruck_cacc.training.network import SeedBatch
 from deeptruck_cacc.training.road import Road
 
 torch.set_num_threads(1)
-
-QUICK = analytic.AnalyticConfig(seeds=2, rollouts=6, iterations=6, window=40, validate_every=3)
 
 
 def test_torch_and_numpy_agree_on_features():
@@ -46,7 +43,7 @@ def test_every_seed_starts_as_a_follower(toy):
     batch = SeedBatch([0, 1], FeatureMap.default(power=True), scale)
 
     def worst(seed: int) -> float:
-        trace = roll_out(toy, batch.policy(seed, toy.interface, {}, {}), scene)
+        trace = roll_out(toy, batch.policy(seed, toy.interface, {}), scene)
         return float(np.abs(trace["time_gap_error"][100:]).max())
 
     untaught = [worst(0), worst(1)]
@@ -59,7 +56,7 @@ def test_a_follower_has_the_leaders_speed_after_25_s_at_a_long_time_gap_too(toy)
     scene = replace(scene, gap=scene.speed * 5.0)
     batch = SeedBatch([0], FeatureMap.default(power=True), replace(ActionScale.of(toy), exclusive=True))
     batch.start_as_follower(PedalMap.calibrate(toy))
-    trace = roll_out(toy, batch.policy(0, toy.interface, {}, {}), scene)
+    trace = roll_out(toy, batch.policy(0, toy.interface, {}), scene)
     errors = np.abs(trace["speed_error"])
     assert errors[0].max() > 1.2
     assert errors[250:].max() < 0.03  # exp(-25/5) of 1.39 m/s is 0.009; the integral leaves the rest
@@ -75,7 +72,7 @@ def test_a_follower_leaves_no_gap_error_that_lasts(toy):
         features = replace(FeatureMap.default(power=True), integral_rate=integral_rate)
         batch = SeedBatch([0], features, replace(ActionScale.of(toy), exclusive=True))
         batch.start_as_follower(PedalMap.calibrate(toy))
-        trace = roll_out(toy, batch.policy(0, toy.interface, {}, {}), scene)
+        trace = roll_out(toy, batch.policy(0, toy.interface, {}), scene)
         return float(np.abs(trace["time_gap_error"][-50:]).max())
 
     assert left(1 / 6) < 0.005 < 0.02 < left(0.0)
@@ -85,7 +82,7 @@ def test_a_follower_gives_way_to_a_cut_in_without_nearly_stopping(toy):
     scene = cut_in(np.random.default_rng(5), 50, 600, toy.dt)
     batch = SeedBatch([0], FeatureMap.default(power=True), replace(ActionScale.of(toy), exclusive=True))
     batch.start_as_follower(PedalMap.calibrate(toy))
-    trace = roll_out(toy, batch.policy(0, toy.interface, {}, {}), scene)
+    trace = roll_out(toy, batch.policy(0, toy.interface, {}), scene)
     assert (trace["speed"] / trace["leader_speed"])[200:].min() > 0.55
     assert np.abs(trace["time_gap_error"][400:]).max() < 0.1
 

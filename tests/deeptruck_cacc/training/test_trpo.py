@@ -9,13 +9,11 @@ import torch
 
 from deeptruck_cacc import load_policy
 from deeptruck_cacc.environments import scenes
-from deeptruck_cacc.training import paths, train, trpo
-from deeptruck_cacc.training.natural_gradient import Gaussian, improve
-from deeptruck_cacc.training.stacked import StackedMlp
-from deeptruck_core.errors import InputError
+from deeptruck_cacc.training import TrpoConfig, train, trpo
+from deeptruck_cacc.training.trpo import Gaussian, StackedMlp, improve
 
 torch.set_num_threads(1)
-QUICK = trpo.TrpoConfig(seeds=2, iterations=3, environments=5, path=60, validate_every=2)
+QUICK = TrpoConfig(seeds=2, iterations=3, environments=5, path=60, validate_every=2)
 
 
 @pytest.fixture
@@ -71,16 +69,16 @@ def test_a_step_is_better_and_within_the_trust_region(net, most_kl):
 
 def test_the_advantage_of_a_whole_path_is_its_discounted_return():
     rewards, values = torch.tensor([[1.0, 2.0, 4.0]]), torch.tensor([[0.5, 0.25, 0.125, 8.0]])
-    whole = paths.advantage(rewards, values, 0.5, 1.0)
+    whole = trpo.advantage(rewards, values, 0.5, 1.0)
     torch.testing.assert_close(whole, torch.tensor([[1 + 1 + 1 + 1 - 0.5, 2 + 2 + 2 - 0.25, 4 + 4 - 0.125]]))
-    near = paths.advantage(rewards, values, 0.5, 0.0)
+    near = trpo.advantage(rewards, values, 0.5, 0.0)
     torch.testing.assert_close(near[0, 0], torch.tensor(1 + 0.125 - 0.5))
 
 
 @pytest.mark.usefixtures("quick_exam")
 def test_a_seed_does_not_know_the_seeds_beside_it(toy, tmp_path):
-    trpo.train(toy, tmp_path / "both", replace(QUICK, seed=3))
-    trpo.train(toy, tmp_path / "one", replace(QUICK, seed=4, seeds=1))
+    train(toy, tmp_path / "both", replace(QUICK, seed=3))
+    train(toy, tmp_path / "one", replace(QUICK, seed=4, seeds=1))
     curves = [
         [
             json.loads(line)["return_mean"]
@@ -93,8 +91,8 @@ def test_a_seed_does_not_know_the_seeds_beside_it(toy, tmp_path):
 
 
 def test_it_learns_the_identity_case(toy, tmp_path):
-    config = trpo.TrpoConfig(seeds=2, iterations=8, path=150, validate_every=4)
-    policy = train(toy, tmp_path / "p", trainer="trpo", config=config)
+    config = TrpoConfig(seeds=2, iterations=8, path=150, validate_every=4)
+    policy = train(toy, tmp_path / "p", config)
     assert policy.card["validation"]["score"] == min(
         load_policy(tmp_path / "p" / "seeds" / k).card["validation"]["score"] for k in "01"
     )
@@ -107,8 +105,8 @@ def test_it_learns_the_identity_case(toy, tmp_path):
 @pytest.mark.usefixtures("quick_exam")
 def test_the_printed_reward_is_what_is_paid_and_goes_on_the_card(toy, tmp_path):
     one = replace(QUICK, seeds=1, iterations=1)
-    printed = train(toy, tmp_path / "a", trainer="trpo", config=replace(one, printed_reward=True))
-    shaped = train(toy, tmp_path / "b", trainer="trpo", config=one)
+    printed = train(toy, tmp_path / "a", replace(one, printed_reward=True))
+    shaped = train(toy, tmp_path / "b", one)
     assert printed.card["reward"]["knee_gap_m"] is None and shaped.card["reward"]["knee_gap_m"] == 0.5
     returns = [
         json.loads((tmp_path / name / "seeds/0/learning_curve.jsonl").read_text())["return_mean"]
@@ -130,12 +128,7 @@ def test_the_baseline_knows_returns_of_any_size_at_once():
 def test_scenes_side_by_side_keep_their_rows():
     rng = np.random.default_rng(0)
     parts = [scenes.wide(rng, 3, 60, 0.1), scenes.wide(rng, 2, 60, 0.1)]
-    both = paths.side_by_side(parts)
+    both = trpo.side_by_side(parts)
     assert both.batch == 5 and both.seen is None
     np.testing.assert_array_equal(both.command_gain[3:], parts[1].command_gain)
     np.testing.assert_array_equal(both.leader_acceleration[:3], parts[0].leader_acceleration)
-
-
-def test_an_unknown_scene_is_refused(toy, tmp_path):
-    with pytest.raises(InputError, match="moon"):
-        trpo.train(toy, tmp_path / "p", replace(QUICK, scene="moon"))
