@@ -38,8 +38,7 @@ Asks mass, gears, axle ratio, tyres, torque, frontal area and brakes, or reads t
 
   full_braking_m_s2: 6
 
-They are checked against each other, and with --recordings against the ratio of engine speed to speed. From
-recordings with gear, engine speed and engine command it also learns shift speeds, and what a pedal asks for.
+They are checked against each other, and with --recordings against the ratio of engine speed to speed.
 
 Examples:
 
@@ -63,8 +62,7 @@ def new(
     recordings: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Bags of this truck: its gears are checked, its shift speeds and pedal learned.",
-            metavar="BAG",
+            help="Bags of this truck: its gears are checked, the units of its commands taken.", metavar="BAG"
         ),
     ] = None,
     topic_map: TopicMap = None,
@@ -84,7 +82,6 @@ def new(
     from deeptruck_model.recordings.consistency.sensors import steady_ratios
     from deeptruck_model.recordings.several import check_fit
     from deeptruck_model.trucks import own_truck
-    from deeptruck_model.trucks.driven_controls import learned
 
     drives = read_all(bags, topic_map=topic_map, clock=clock, msg=msg or ()) if bags else []
     data = {} if source is None else dict(reading.yaml_mapping(source, "give a data sheet"))
@@ -97,9 +94,8 @@ def new(
     made = own_truck.specification(sheet, truck.stem, grade=slope)
     if off := gears.misfit(sheet.overall_ratios, drives):
         raise InputError(f"the data sheet is not that of the recorded truck: {off}")
-    driven = learned(made, drives)
     with files.new_file(truck) as draft:
-        draft.write_text(own_truck.text(sheet, driven.truck, truck.name, driven.says), encoding="utf-8")
+        draft.write_text(own_truck.text(sheet, made, truck.name), encoding="utf-8")
     rpm = own_truck.CRUISE * sheet.overall_ratios[-1] / own_truck.RPM
     typer.echo(f"{truck}: {sheet.mass_kg:g} kg, {len(sheet.gear_ratios)} gears, {rpm:.0f} rpm at 80 km/h")
     if bags and not len(steady_ratios(drives)):
@@ -108,8 +104,6 @@ def new(
         typer.echo("the gears are those of the recordings")
     if not slope:
         typer.echo("no slope was recorded, so that the truck takes none: it drives on a level road")
-    for line in driven.says:
-        typer.echo(line)
     typer.echo(f"load it as truck:{truck}; 'deeptruck-model calibrate-truck' fits it to recordings")
 
 

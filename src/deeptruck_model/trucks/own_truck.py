@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -202,21 +202,15 @@ def specification(s: Sheet, name: str, *, grade: bool = True) -> Specification:
 
 HEAD = """# {name}: a physics truck from its data sheet; 'truck:{file}' loads it.
 # From the sheet: {sheet}
-{learned}# All else is that of the reference truck {base}: air and rolling resistance, {shifts}lags, fuel.
+# All else is that of the reference truck {base}: air and rolling resistance, shift speeds, lags, fuel.
 """
 
 
-def text(s: Sheet, truck: Specification, file: str, learned: Sequence[str] = ()) -> str:
-    """The truck file as YAML; a comment holds its data sheet and the values `learned` from recordings."""
+def text(s: Sheet, truck: Specification, file: str) -> str:
+    """The truck file as YAML; a comment holds its data sheet."""
     said = ", ".join(f"{f.name} {getattr(s, f.name)}" for f in fields(Sheet))
-    head = HEAD.format(
-        name=truck.name,
-        file=file,
-        sheet=said,
-        base=CONVERTER if s.converter else CLUTCH,
-        learned="".join(f"# {line}\n" for line in learned),
-        shifts="" if any(line.startswith("shift speeds: learned") for line in learned) else "shift speeds, ",
-    )
+    base = CONVERTER if s.converter else CLUTCH
+    head = HEAD.format(name=truck.name, file=file, sheet=said, base=base)
     plain = truck.to_dict()
     plain["interface"].pop("name", None)
     return head + yaml.safe_dump(plain, sort_keys=False, default_flow_style=None, width=100)
