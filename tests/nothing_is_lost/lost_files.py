@@ -69,7 +69,7 @@ class Place:
         """A finished result, as the command leaves it, or a copy without its marker."""
         self.fill(self.out, "older")
         if marker:
-            self.kind.mark(self.out, OWN)
+            self.kind.mark(self.out)
 
     def fill(self, folder: Path, content: str) -> None:
         for name in OWN:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from contextlib import AbstractContextManager
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -141,28 +139,13 @@ def test_a_file_that_is_there_is_not_written(line: str, here: Path, refused: Cal
     assert (here / "mine.txt").read_text() == "mine" and len(list(here.iterdir())) == 1
 
 
-@pytest.mark.parametrize("name", ["coverage.json", ".coverage.json.tmp", "notes/mine.txt"])
-@pytest.mark.parametrize(
-    "way", [results.COVERAGE.replacing, partial(results.DEEP_TRUCK.going_on, resume=False)]
-)
-def test_nothing_in_the_draft_of_a_killed_run_is_removed(
-    way: Callable[..., AbstractContextManager[Path]],
-    name: str,
-    here: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+@pytest.mark.parametrize("inside", ["coverage.json", "notes/mine.txt"])
+def test_what_the_user_put_in_the_place_of_a_draft_is_refused_at_once(inside: str, here: Path) -> None:
     """A file of the user has any name, that of one of the command's too."""
-    draft = files.unfinished(here / "out")
-    (draft / name).parent.mkdir(parents=True)
-    (draft / name).write_text("mine")
-    with way(here / "out"):
-        pass
-    kept = here / "out.unfinished"
-    assert (kept / name).read_text() == "mine" and not draft.exists()
-    assert f"had begun is kept as {kept}; remove it" in capsys.readouterr().err
-
-
-def test_a_file_in_the_place_of_unfinished_work_is_refused_at_once(here: Path) -> None:
-    files.unfinished(here / "out").write_text("mine")
-    with pytest.raises(InputError, match="is no folder, but unfinished work is kept there; move it"):
-        results.DEEP_TRUCK.check_start(here / "out", resume=True, overwrite=True)
+    file = files.unfinished(here / "out") / inside
+    file.parent.mkdir(parents=True)
+    file.write_text("mine")
+    for kind in (results.DEEP_TRUCK, results.COVERAGE):
+        with pytest.raises(InputError, match="no unfinished work"):
+            kind.check(here / "out", overwrite=True)
+    assert file.read_text() == "mine"

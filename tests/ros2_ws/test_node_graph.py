@@ -204,18 +204,17 @@ def test_an_older_bag_stands_until_the_new_one_is_whole(
         run = start("start_simulation.py", *TRUCK, *record, 600, "--overwrite", runs="again")
         if number == signal.SIGKILL:
             run.wait_until_ready()
-            eventually(lambda: list(tmp_path.glob("bag.new/bag_0.mcap")))
+            eventually(lambda: list(tmp_path.glob("bag.old")) and list(bag.glob("bag_0.mcap")))
         else:
             assert any(line.startswith("logs in") for line in run.process.stdout)  # nobody is ready yet
         run.process.send_signal(number)
         code, out, _ = run.finish()
         if "ready after" not in out:
             break
-    assert files_of(bag) == before
     if number == signal.SIGKILL:
-        (newer,) = tmp_path.glob("bag.new")
-        assert list(newer.glob("bag_0.mcap"))
+        assert files_of(tmp_path / "bag.old") == before and list(bag.glob("bag_0.mcap"))
     else:
+        assert files_of(bag) == before
         assert code == 0 and out.splitlines()[-1].endswith("nothing was recorded")
         assert not list(tmp_path.glob(".bag*"))
 

@@ -181,14 +181,13 @@ def test_a_domain_out_of_range(refused: Callable[..., str], monkeypatch: pytest.
 
 
 def test_the_last_line_of_a_run_says_where_it_is_recorded(tmp_path: Path) -> None:
-    bag, newer = tmp_path / "bag", tmp_path / ".bag.1.new"
-    assert "nothing was to be recorded" in runs.recorded(None, None)
-    assert runs.recorded(bag, bag) == "nothing was recorded"
+    bag = tmp_path / "bag"
+    assert "nothing was to be recorded" in runs.recorded(None)
+    assert runs.recorded(bag) == "nothing was recorded"
     CrashSafeWriter(bag).close()
-    assert runs.recorded(bag, bag) == f"recorded in {bag}"
-    newer.mkdir()
-    (newer / "bag_0.mcap").touch()
-    assert f"the bag {newer} is not finished" in runs.recorded(bag, newer)
+    assert runs.recorded(bag) == f"recorded in {bag}"
+    (bag / "metadata.yaml").unlink()
+    assert f"the bag {bag} is not finished" in runs.recorded(bag)
 
 
 def test_the_field_radar_jumps_when_the_paper_says() -> None:

@@ -22,7 +22,8 @@ def clear(folder: Path, *inside: str) -> None:
     Raises InputError for a folder that is not an examined case, or, naming it, for something else in it; then
     nothing is removed.
     """
-    if CASE.check(folder, overwrite=True):
+    CASE.check(folder, overwrite=True)
+    if CASE.marked(folder):
         if foreign := [p for p in folder.iterdir() if p.name not in _OF_A_CASE and p.name[0] != "."]:
             raise InputError(f"{folder} holds {foreign[0].name}, which is no part of {CASE.what}; move it")
         for place in [folder / name for name in inside] if inside else [folder]:

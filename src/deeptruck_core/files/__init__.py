@@ -3,17 +3,15 @@
 `results` writes folders, `single` writes one file, `lock` holds a folder for one run. Standard library only.
 """
 
-from deeptruck_core.files.lock import ELSEWHERE, free, writing
+from deeptruck_core.files.lock import ELSEWHERE, writing
 from deeptruck_core.files.results import (
     MARKER,
     OVERWRITE_HELP,
     Result,
     check_new,
     check_outside,
-    final,
     is_finished,
     kept,
-    remove,
     unfinished,
 )
 from deeptruck_core.files.single import advice, aside, new_file, removing, write
@@ -27,12 +25,9 @@ __all__ = [
     "aside",
     "check_new",
     "check_outside",
-    "final",
-    "free",
     "is_finished",
     "kept",
     "new_file",
-    "remove",
     "removing",
     "unfinished",
     "write",

@@ -1,4 +1,4 @@
-"""Locks a folder, or a name that does not exist yet, against other runs."""
+"""Locks a folder, or a name that need not exist yet, against other runs."""
 
 from __future__ import annotations
 
@@ -21,40 +21,30 @@ def writing(folder: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
 
     Raises InputError if another run holds it.
     """
-    with _held(folder, f"another run is at work in {folder}; wait until it has ended, or {elsewhere}"):
+    with _held(folder, folder, elsewhere):
         yield
 
 
 @contextmanager
 def reserved(out: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
-    """Lock a name that does not exist yet against other runs of this user on this machine, until the end of
-    the block or of the process.
-
-    Raises InputError if another run holds it.
-    """
+    """The same for a name that need not exist yet, against runs of this user on this machine."""
     name = hashlib.sha256(os.fsencode(os.path.realpath(out))).hexdigest()
     place = Path(tempfile.gettempdir()) / f"deeptruck-{os.getuid()}" / name
     place.parent.mkdir(mode=0o700, exist_ok=True)
     place.touch()
-    with _held(place, f"another run is to write {out}; wait until it has ended, or {elsewhere}"):
+    with _held(place, out, elsewhere):
         yield
-
-
-def free(folder: Path, elsewhere: str = ELSEWHERE) -> None:
-    """Raises InputError if a run is writing into the folder; a missing folder is free."""
-    if os.access(folder, os.R_OK) and folder.is_dir():
-        with writing(folder, elsewhere):
-            pass
 
 
 @contextmanager
-def _held(place: Path, says: str) -> Iterator[None]:
+def _held(place: Path, out: Path, elsewhere: str) -> Iterator[None]:
     handle = os.open(place, os.O_RDONLY)
     try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(says) from None
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield
+    except BlockingIOError:
+        raise InputError(
+            f"another run is at work in {out}; wait until it has ended, or {elsewhere}"
+        ) from None
     finally:
         os.close(handle)

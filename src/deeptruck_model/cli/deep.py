@@ -79,7 +79,7 @@ def train(
     Example: deeptruck-model train drives/monday drives/tuesday --out simulators/mytruck
     """
     results.apart(out, *bags, *([start] if start else []))
-    results.DEEP_TRUCK.check_start(out, resume=resume, overwrite=overwrite or resume)
+    results.DEEP_TRUCK.check(out, resume=resume, overwrite=overwrite or resume)
     recordings = read(bags, topic_map, clock, msg)
     from deeptruck_model.deep import Arguments
 

@@ -68,9 +68,9 @@ def train(
     began, out = time.monotonic(), calls.path(out, "out")
     calls.instance(arguments, Arguments, "arguments", "such as Arguments(hidden=32)")
     recordings = drives(recordings)
-    if not resumes:
-        DEEP_TRUCK.check_start(out, overwrite=overwrite)
-    DEEP_TRUCK.check(out, overwrite=True)  # whether it is this run's own is known with the data
+    DEEP_TRUCK.check(
+        out, overwrite=overwrite or resumes
+    )  # whether it is this run's own is known with the data
     torch.set_num_threads(1)
     data = prepare(recordings, arguments)
     identity = identity_of(data, arguments)
@@ -78,7 +78,7 @@ def train(
         return load_directory(out, read_manifest(out))
     if resumes and not overwrite:
         _refuse_another(out, identity)
-    with DEEP_TRUCK.going_on(out, overwrite=overwrite, resume=resumes) as working:
+    with DEEP_TRUCK.replacing(out, overwrite=overwrite, resume=resumes) as working:
         if (working / resume.FILE).exists() or identity_in(working) != identity:  # else killed once complete
             _work(data, arguments, identity, working, out, observe, began)
     loaded = simulators.load(out)
@@ -92,7 +92,9 @@ def _refuse_another(out: Path, identity: dict[str, Any]) -> None:
     if there is None:
         return
     if files.unfinished(out).exists():
-        DEEP_TRUCK.check(out)  # a run to replace it was killed: it takes --overwrite to go on, too
+        DEEP_TRUCK.check(
+            out, resume=True
+        )  # a run to replace it was killed: it takes --overwrite to go on, too
     raise InputError(
         f"{out} is another run ({differences(there, identity)}); choose another --out, or "
         "add --overwrite instead of --resume"

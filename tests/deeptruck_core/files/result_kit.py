@@ -6,7 +6,8 @@ from pathlib import Path
 
 from deeptruck_core import files
 
-KIND = files.Result("a test result")
+KIND = files.Result("a test result", resumes_from=("resume",))
+OTHER = files.Result("another result")
 
 
 def publish(out: Path, *, overwrite: bool = False, **content: str) -> None:
@@ -15,10 +16,9 @@ def publish(out: Path, *, overwrite: bool = False, **content: str) -> None:
             (draft / name).write_text(text)
 
 
-def record(out: Path, content: str, *, is_whole: bool = True) -> Path:
-    """Record into `out` as a recorder does; returns the folder in which it worked."""
-    with KIND.recording(out, overwrite=True, whole=lambda _: is_whole) as place:
-        place.mkdir()
-        (place / "a").write_text(content)
-        KIND.mark(place, ["a"])
-    return place
+def record(out: Path, content: str, *, is_whole: bool = True) -> None:
+    """Record into `out` as a recorder does."""
+    with KIND.recording(out, overwrite=True, whole=lambda _: is_whole):
+        out.mkdir()
+        (out / "a").write_text(content)
+        KIND.mark(out)

@@ -107,7 +107,7 @@ def test_what_is_refused(here: Path, script: Script, words: str, says: str) -> N
     for name in ("mine", "cut"):
         (here / name).mkdir()
     (here / "mine" / "notes.txt").write_text("mine")
-    (here / "cut" / ".deeptruck.json").write_text('{"what": "the results of a fleet", "files": null}')
+    (here / "cut" / ".deeptruck.json").write_text('{"what": "the results of a fleet", "at_work": true}')
     (here / "cut" / "fleet.json").write_text("{")
     code, _, errors = script(*words.split())
     assert code == 2 and says in " ".join(errors.split())

@@ -128,7 +128,7 @@ def test_files_without_a_marker_are_the_users(tmp_path: Path) -> None:
 def test_one_kind_of_result_does_not_replace_another(tmp_path: Path) -> None:
     with FOUND.replacing(tmp_path / "found") as draft:
         (draft / "verdict.json").write_text("{}")
-    with pytest.raises(InputError, match="a mismatch result, which is no part of a corrected simulator"):
+    with pytest.raises(InputError, match="holds a mismatch result, not a corrected simulator"):
         APPLIED.check(tmp_path / "found", overwrite=True)
 
 

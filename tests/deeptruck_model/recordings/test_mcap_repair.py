@@ -117,23 +117,7 @@ def test_a_bag_that_only_lost_its_description_is_still_its_recorders(tmp_path: P
     (bag / "metadata.yaml").unlink()
     said = repair(bag)
     assert said is not None and "nothing was lost" in said and contents(bag) == before
-    assert KIND.check(bag, overwrite=True)
-
-
-def test_what_stood_in_a_killed_recorders_folder_is_set_aside_and_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    bag, kept = tmp_path / "bag", tmp_path / "bag.old"
-    CrashSafeWriter(bag).flush()
-    KIND.mark(bag)
-    (bag / "bag_0.mcap").write_bytes(torn_bag(tmp_path / "mine")[1])
-    assert repair(bag)
-    (bag / "bag_0.mcap.cut").unlink()
-    repaired = (bag / "bag_0.mcap").read_bytes()
-    with KIND.replacing(bag, overwrite=True) as draft:
-        (draft / "a").write_text("new")
-    assert (kept / "bag_0.mcap").read_bytes() == repaired and (bag / "a").exists()
-    assert f"the older bag was not finished; it is kept as {kept}" in capsys.readouterr().err
+    KIND.check(bag, overwrite=True)
 
 
 def test_a_bag_that_is_still_written_is_not_repaired(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -83,7 +83,7 @@ def make_case(
         Recording(name, DT, channels, interface) for name, channels in zip(names, measured, strict=True)
     ]
     out.mkdir(parents=True)
-    CASE.mark(out)
+    CASE.mark(out, at_work=True)
     for recording in recordings:
         write_bag(out / "recordings" / recording.name, [recording], interface=interface)
     simulator_values = plan.simulator_values

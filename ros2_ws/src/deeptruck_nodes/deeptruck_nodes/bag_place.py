@@ -20,14 +20,13 @@ def is_whole(bag: Path) -> bool:
 
 @contextmanager
 def claimed(bag: Path) -> Iterator[None]:
-    """Lock the recorder's new bag for the block and mark it as the recorder's, at the end with its files.
-    Raises InputError if that is not possible."""
+    """Lock the recorder's new bag for the block and mark it as the recorder's, at the end as finished. Raises
+    InputError if that is not possible."""
     with files.writing(bag):
-        written = [METADATA, *(path.name for path in bag.iterdir())]
         try:
-            BAG.mark(bag)
+            BAG.mark(bag, at_work=True)
         except OSError as error:
             raise InputError(f"cannot write {bag}: {error.strerror}; {BAG.elsewhere}") from None
         yield
         if is_whole(bag):
-            BAG.mark(bag, written)
+            BAG.mark(bag)

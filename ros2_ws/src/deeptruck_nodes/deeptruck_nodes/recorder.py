@@ -12,7 +12,6 @@ from pathlib import Path
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.subscription import Subscription
 
-from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, BagSource
@@ -52,7 +51,7 @@ class Recorder(DeeptruckNode):
     def _writer(self) -> CrashSafeWriter:
         if self._opened is None:  # a message may overtake the word to go
             bag = Path(self.p["bag"])
-            self._opened = CrashSafeWriter(bag, file_stem=files.final(bag).name, custom_data=self._custom)
+            self._opened = CrashSafeWriter(bag, custom_data=self._custom)
             self._stack.enter_context(bag_place.claimed(bag))
         return self._opened
 

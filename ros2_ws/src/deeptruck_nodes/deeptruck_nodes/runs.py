@@ -189,9 +189,7 @@ def _run(
     lock = environment.DomainLock(domain)
     try:
         page = page_server.opened(sections[PAGE]["port"]) if common.page else None
-        with _prepared(common) as bag:
-            if bag is not None:
-                sections["recorder"]["bag"] = str(bag.absolute())
+        with _recording(common):
             folder = environment.run_folder(common.runs, what)
             file = folder / "parameters.yaml"
             parameters.write_file(file, sections)
@@ -204,15 +202,15 @@ def _run(
                 folder, programs, environment.ros_environment(folder, domain), lock.descriptor
             )
             code = supervisor.run(duration)
-            outcome = recorded(common.record, bag)
+            outcome = recorded(common.record)
         print(f"ended: {supervisor.why}; {outcome}", flush=True)
         return code
     finally:
         lock.release()
 
 
-def _prepared(common: Common) -> AbstractContextManager[Path | None]:
-    """The folder in which the recorder writes: beside an older bag, which it replaces once it is whole."""
+def _recording(common: Common) -> AbstractContextManager[None]:
+    """Makes room for the recorder's bag, and removes an older one once the new one is whole."""
     if common.record is None:
         return nullcontext()
     return BAG.recording(common.record, overwrite=common.overwrite, whole=is_whole)
@@ -247,12 +245,12 @@ def _page_program(listener: socket.socket, token: str, file: Path) -> Program:
     return replace(node(PAGE, file), spectator=True, environment=secret, descriptors=(listener.fileno(),))
 
 
-def recorded(record: Path | None, bag: Path | None) -> str:
-    """The final line of a run about its recording at `bag`, whose intended path was `record`."""
-    if record is None or bag is None:
+def recorded(record: Path | None) -> str:
+    """The final line of a run about its recording."""
+    if record is None:
         return "nothing was to be recorded, --record BAG does"
-    if is_whole(bag):
+    if is_whole(record):
         return f"recorded in {record}"
-    if any(bag.glob("*.mcap")):
-        return f"the bag {bag} is not finished, 'deeptruck-model repair {bag}' repairs it"
+    if any(record.glob("*.mcap")):
+        return f"the bag {record} is not finished, 'deeptruck-model repair {record}' repairs it"
     return "nothing was recorded"
