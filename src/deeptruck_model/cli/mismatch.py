@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
     from deeptruck_model.mismatch.mechanisms import Mechanism
 
+SPOKEN_S = 20.0  # between two lines of a log while one step lasts
 Bags = Annotated[
     list[Path], typer.Option(help="Recordings (bags) to explain; repeat the option or list several.")
 ]
@@ -83,17 +84,25 @@ def mismatch(
     apart(out, Path(simulator), *recordings, *held_out)
     checks.mass(mass_kg)
     speed_unit(units)
-    _check_excluded(exclude or [])
-    own = _own(mechanisms)
+    if exclude:  # before long recordings are read
+        from deeptruck_model.mismatch.mechanisms.families import check_excluded
+
+        check_excluded(exclude)
+    user_mechanisms: tuple[Mechanism, ...] = ()
+    if mechanisms is not None:
+        from deeptruck_model.mismatch import LIBRARY
+
+        user_mechanisms = LIBRARY.read(mechanisms)
     from deeptruck_model.recordings.several import check, check_paths_apart
 
     check_paths_apart(recordings, held_out)
     check([*recordings, *held_out], topic_map)
-    with FOUND.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
+    with FOUND.replacing(out, overwrite=overwrite) as draft, progress("loading", SPOKEN_S) as say:
         from deeptruck_model import recordings as rec
         from deeptruck_model import simulators
 
         truck = simulators.load(simulator)
+        say("reading the recordings")
         rate = 1.0 / truck.dt
         fit, held = (
             rec.read_all(bags, topic_map=topic_map, rate_hz=rate, among=others, clock=clock, msg=msg or ())
@@ -102,14 +111,15 @@ def mismatch(
         if no_vehicle_ahead:
             fit, held = ([replace(r, no_vehicle_ahead=True) for r in part] for part in (fit, held))
         show_accounts([*fit, *held])
-        # the libraries take seconds to import: a bag that cannot be read is refused before
+        # these take seconds to import: a bag that cannot be read is refused before
+        say("loading the comparison")
         from deeptruck_model.mismatch import Span, find_mismatch
         from deeptruck_model.mismatch.output import fill
 
         spans = [Span(*span) for span in left_out]
         found = find_mismatch(
             truck, fit, held, seed=seed, exclude=exclude or (), without=spans, say=say, mass_kg=mass_kg,
-            mechanisms=own,
+            mechanisms=user_mechanisms,
         )  # fmt: skip
         say("writing the report")
         fill(draft, found, folders.apply_command(out), units)
@@ -145,23 +155,6 @@ def _spans(texts: list[str]) -> list[tuple[str, float, float]]:
             )
         out.append((name, begin, end))
     return out
-
-
-def _own(file: Path | None) -> tuple[Mechanism, ...]:
-    """The mechanisms of a user's file. Raises InputError if it has none."""
-    if file is None:
-        return ()
-    from deeptruck_model.mismatch import LIBRARY
-
-    return LIBRARY.read(file)
-
-
-def _check_excluded(names: list[str]) -> None:
-    """Raises InputError for an unknown effect, before long recordings are read."""
-    if names:
-        from deeptruck_model.mismatch.mechanisms.families import check_excluded
-
-        check_excluded(names)
 
 
 def apply(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ CORRECTED, REFITTED = "simulator", "refitted"  # folders of a run: with forces a
 AS_GIVEN, REFIT, CORRECTION = "as_given", "parameters_only", "correction"  # `fit.offered` of verdict.json
 PROFILE = "road_grade"  # the name in profiles.csv of a slope that was recovered
 NOT_SIGNIFICANT = "over all drives, fitted ones left out in turn, the error does not fall significantly"
-FIND_FIRST = "run 'deeptruck-model mismatch' first"
 
 
 def apply_command(found: Path, out: Path | None = None) -> str:
@@ -38,16 +36,10 @@ def applicable(directory: Path, *, refit: bool = False) -> Path:
             )
         return directory / REFITTED
     if offered == AS_GIVEN:
-        raise InputError(f"{directory} has no passed validation, so nothing is applied: {_why_not(verdict)}")
+        advice = verdict.get("advice", {}).get("apply", {})
+        why = advice.get("reason", NOT_SIGNIFICANT)
+        raise InputError(f"{directory} has no passed validation, so nothing is applied: {why}")
     return directory / (REFITTED if offered == REFIT else CORRECTED)
-
-
-def _why_not(verdict: Mapping[str, Any]) -> str:
-    """The reason for which a result offers nothing to apply."""
-    try:
-        return str(verdict["advice"]["apply"]["reason"])
-    except (KeyError, TypeError):
-        return NOT_SIGNIFICANT
 
 
 def _is_validated(directory: Path) -> bool:
@@ -60,7 +52,8 @@ def _is_validated(directory: Path) -> bool:
 
 def read_verdict(directory: Path) -> dict[str, Any]:
     """The content of verdict.json. Raises InputError if it is missing or damaged."""
-    _check_there(directory)
+    if not directory.exists():
+        raise InputError(f"{directory} does not exist; run 'deeptruck-model mismatch' first")
     try:
         verdict = json.loads((directory / "verdict.json").read_text())
     except (OSError, ValueError, RecursionError):
@@ -71,8 +64,3 @@ def read_verdict(directory: Path) -> dict[str, Any]:
     if not isinstance(verdict, dict) or not isinstance(verdict.get("fit"), dict):
         raise InputError(f"{directory / 'verdict.json'} is damaged; run 'deeptruck-model mismatch' again")
     return verdict
-
-
-def _check_there(directory: Path) -> None:
-    if not directory.exists():
-        raise InputError(f"{directory} does not exist; {FIND_FIRST}")

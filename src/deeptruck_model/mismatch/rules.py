@@ -90,7 +90,7 @@ class Rules:
         "speed error that a drift, a constant per drive or an event must make, to be a finding")
 
     # the correction
-    better: float = _rule(0.97, "of the error as given", CHOSEN,
+    better: float = _rule(0.95, "of the error as given", CHOSEN,
         "above which a correction is no better on drives left out")
 
 

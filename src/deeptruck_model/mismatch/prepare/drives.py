@@ -49,7 +49,7 @@ SAME_DRIVES = (
 )
 
 
-CUT = "no valid speed for so long that the drive is cut in two there"
+CUT = "between the parts of a drive, where it was cut or has no valid speed"
 STUCK = "brake_command never moves in a drive in which the truck brakes: was it recorded?"
 
 

@@ -9,7 +9,7 @@ from deeptruck_core.signals import Said, Speed, printed
 from deeptruck_core.vehicle_kinds import LEAST_SPEED
 from deeptruck_model.mismatch.correction.fit_result import Interval, Strength
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
-from deeptruck_model.mismatch.mechanisms.families import FAMILY, LEFT_OVER, PARAMETER_ERRORS, UNKNOWN
+from deeptruck_model.mismatch.mechanisms.families import FAMILY, LEFT_OVER, PARAMETER_ERRORS, ROOT, UNKNOWN
 from deeptruck_model.mismatch.posterior.budget import Part
 from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.prepare.drives import Rejection
@@ -18,7 +18,6 @@ from deeptruck_model.mismatch.verdict.result import Advice, Answer, Conclusion, 
 from deeptruck_model.mismatch.verdict.wording import (
     BESIDE_MISSING,
     FELT_STEP,
-    ROOT,
     SETTLE,
     digits,
     opened,
@@ -211,7 +210,7 @@ def size(f: Finding) -> str:
     constants = {n: x for n, x in f.parameters.items() if x.ci95 is not None and not x.drive}
     curve = any(map(str.isdigit, "".join(f.parameters)))
     found = [
-        Said("" if n == "value" else f"{n.replace('_', ' ')} ", sized(x))
+        Said("" if n == "value" or n in f.effect else f"{spoken(n.removesuffix(f'_{x.unit}'))} ", sized(x))
         for n, x in constants.items()
         if not curve and not f.by_drive
     ]

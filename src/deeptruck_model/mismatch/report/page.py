@@ -13,14 +13,14 @@ from deeptruck_core import pages
 from deeptruck_core.signals import Said, Speed, shown, speed_unit
 from deeptruck_model.mismatch import folders
 from deeptruck_model.mismatch.correction.fit_result import Errors
-from deeptruck_model.mismatch.mechanisms.families import LEFT_OVER, UNKNOWN
+from deeptruck_model.mismatch.mechanisms.families import LEFT_OVER, ROOT, UNKNOWN
 from deeptruck_model.mismatch.posterior.budget import Part
 from deeptruck_model.mismatch.report import explorer_data, lines
 from deeptruck_model.mismatch.report.found import Mismatch
 from deeptruck_model.mismatch.report.pictures import picture
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.verdict.result import Finding, Verdict
-from deeptruck_model.mismatch.verdict.wording import ROOT, opened, percent, spoken
+from deeptruck_model.mismatch.verdict.wording import opened, percent, spoken
 
 LEAST_SHARE = 0.005  # of the budget: a smaller part has no row
 ROWS = {"before": "as given", "parameters_only": "parameters refitted alone", "after": "corrected"}

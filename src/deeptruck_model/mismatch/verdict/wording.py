@@ -144,7 +144,6 @@ PARTS = {
     "unknown": "no known mechanism",
     "commands obeyed": "whether commands were obeyed",
 }
-ROOT = "mismatch"
 
 
 def spoken(name: str) -> str:

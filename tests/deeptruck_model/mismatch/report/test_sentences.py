@@ -166,8 +166,13 @@ LINES = [  # a verdict, what is said, and what is not
     (Verdict(PARAMETER, (MASS,)), "mass: 24,000 kg (22,000 to 26,000), +20 % (+10 to +30).", "e+"),
     (
         Verdict(PHYSICS, (replace(UNSURE, parameters={"wind": Size(4.37, "m/s", (0.43, 8.31))}),)),
-        "if headwind: wind 4.37 m/s (0.43 to 8.31), mean -699 N (-790 to -610) while it acts.",
+        "if headwind: 4.37 m/s (0.43 to 8.31), mean -699 N (-790 to -610) while it acts.",
         "usual",
+    ),
+    (
+        Verdict(PHYSICS, (replace(WIND, parameters={"keeps_s": Size(12.0, "s", (11.4, 12.7))}),)),
+        "headwind: keeps 12 s (11.4 to 12.7), mean",
+        "keeps s",
     ),
     (
         Verdict(PHYSICS, (replace(WIND, parameters={"share_0_to_0.3_s": Size(0.2, "1", (0.1, 0.3))}),)),
