@@ -109,7 +109,7 @@ class Recording:
         return figure
 
     def gap_after(self, before: Recording | None) -> float | None:
-        """Seconds without valid speed between `before` and this piece; None if `before` is not a piece of the
+        """Seconds that are lost between `before` and this piece; None if `before` is not a piece of the
         same bag."""
         if before is None or before.name.partition("#")[0] != self.name.partition("#")[0]:
             return None

@@ -42,7 +42,15 @@ SPIKE_S, SPIKE_SAMPLES = 2.0, 3  # that an excursion lasts at most
 MOST_SPIKES = 0.2  # of the samples; more are another fault, such as two vehicles in turn
 SLOW = 3.0  # m/s: below, sensors show zero or creep
 FROZEN_S, FROZEN_RUNS, FROZEN_STEP = 3.0, 5.0, 3.0  # of equal values; times the usual ones, and their steps
-FROZEN_RATE = 4.0  # m/s^2, at which the speed must have changed meanwhile
+# channels that change while a truck drives: the value up to which they may stand still, and the change per
+# second with which they must go on; a speed is held by drivers, so that it must jump by more than they can
+FREEZES = {
+    "speed": (SLOW, 4.0),
+    "elevation": (-np.inf, 0.0),
+    "fuel_rate": (0.0, 0.0),
+    "engine_command": (0.0, 0.0),
+}
+FUEL = ("g/s", "cm^3/s")  # units of an engine command that is measured
 PLACE_S, MOVED_M_S = 10.0, 3.0  # over which positions move by so much; receivers that stand drift by less
 ZERO_S = 8.0  # of zero in a row, in whose halves positions move on; receivers are late by less
 ZERO_SAMPLES, ZERO_SHARE = 10, 0.7  # on each side of a changed zero; of the jump that stays
@@ -67,7 +75,8 @@ def impossible(channel: str, unit: str, time: Array, values: Array) -> Iterator[
     """
     left = np.isfinite(values)
     finders = [_codes] if channel in ("engine_command", "brake_command") and unit == "percent" else []
-    finders += [_dropped, _spikes, _frozen] if channel in CHANGES else []
+    finders += [_dropped, _spikes] if channel in CHANGES else []
+    finders += [_frozen] if channel in FREEZES and (channel != "engine_command" or unit in FUEL) else []
     for find in finders:
         at = np.flatnonzero(left)
         if len(at) < 3:
@@ -142,21 +151,20 @@ def _spikes(channel: str, t: Array, v: Array) -> Iterator[tuple[str, Mask]]:
 
 
 def _frozen(channel: str, t: Array, v: Array) -> Iterator[tuple[str, Mask]]:
-    """A speed that repeats one number for seconds, where it usually changes, and then jumps to where the
-    truck has got to; the first of them is a value."""
-    if channel != "speed":
-        return
+    """A channel that repeats one number for seconds, where it usually changes, and then jumps to where it has
+    got to meanwhile; the first of them is a value."""
+    least, rate = FREEZES[channel]
     starts = np.flatnonzero(np.diff(v, prepend=np.nan) != 0.0)
     ends = np.append(starts[1:], len(v))
     lasts = t[ends - 1] - t[starts]
     steps = np.abs(np.diff(v))
-    usual = float(np.quantile(steps[steps > 0.0], 0.95)) if (steps > 0.0).any() else np.inf
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else np.inf
     longest = max(FROZEN_S, FROZEN_RUNS * float(np.quantile(lasts, 0.9)))
     found = np.zeros(len(v), dtype=bool)
     for i, j in zip(starts[lasts >= longest], ends[lasts >= longest], strict=True):
-        if j < len(v) and v[i] > SLOW:
+        if j < len(v) and v[i] > least:
             jump = abs(float(v[j] - v[i]))
-            found[i + 1 : j] = jump > FROZEN_STEP * usual and jump > FROZEN_RATE * (t[j] - t[j - 1])
+            found[i + 1 : j] = jump > FROZEN_STEP * usual and jump > rate * (t[j] - t[j - 1])
     yield FROZEN, found
 
 

@@ -79,6 +79,32 @@ def test_a_speed_that_stands_still_and_jumps_is_none() -> None:
     assert found(T, cruise) == {} and found(T, coarse) == {}
 
 
+HEIGHT, FUEL = 300.0 + np.round(0.02 * np.cumsum(V), 1), np.round(0.4 * V, 2)
+LEVEL, COASTING = HEIGHT.copy(), FUEL.copy()
+LEVEL[200:600], COASTING[200:600] = LEVEL[200], 0.0
+LEVEL[600:] += LEVEL[200] - HEIGHT[599]  # the road goes on where it was
+
+
+@pytest.mark.parametrize(
+    ("channel", "unit", "values", "still"),
+    [
+        ("elevation", "m", HEIGHT, LEVEL),
+        ("fuel_rate", "g/s", FUEL, COASTING),
+        ("engine_command", "cm^3/s", FUEL, COASTING),
+    ],
+)
+def test_a_channel_that_stands_still_and_jumps_is_none(
+    channel: str, unit: str, values: Array, still: Array
+) -> None:
+    """A pedal is held by its driver, an engine that is towed takes no fuel, and a level road is no fault."""
+    held = values.copy()
+    held[300:420] = held[300]
+    ((why, none),) = impossible(channel, unit, T, held)
+    assert why == FROZEN and np.flatnonzero(none).tolist() == [*range(301, 420)]
+    assert list(impossible("engine_command", "percent", T, held)) == []
+    assert list(impossible(channel, unit, T, still)) == []
+
+
 @pytest.mark.parametrize(
     ("step_s", "by_m", "noise_m"), [(0.1, -42.0, 0.0), (1.0, 12.0, 0.3), (0.1, 6.0, 0.0)]
 )
