@@ -70,8 +70,9 @@ schemas: setup
 	$(BIN)/python docs/schemas/generate.py
 	$(BIN)/python docs/tables.py
 
-# The documentation as a site, warnings as errors: build/docs/index.html.
+# The documentation as a site, warnings as errors: build/docs/index.html. Before, the picture of a report of this version.
 docs: $(VENV)/.docs
+	$(BIN)/python docs/report_picture.py
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/docs
 
 $(VENV)/.docs: $(STAMP)
