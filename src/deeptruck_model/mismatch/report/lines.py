@@ -13,7 +13,7 @@ from deeptruck_model.mismatch.mechanisms.families import FAMILY, LEFT_OVER, PARA
 from deeptruck_model.mismatch.posterior.budget import Part
 from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.prepare.drives import Rejection
-from deeptruck_model.mismatch.rules import Limits
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.verdict.result import Advice, Answer, Conclusion, Finding, Kind, Size, Verdict
 from deeptruck_model.mismatch.verdict.wording import (
     BESIDE_MISSING,
@@ -52,7 +52,7 @@ def headline(v: Verdict) -> str:
     """Whether the simulator is good enough or what is missing, where, and the next step."""
     good, f = v.kind is Conclusion.NOTHING or _good_enough(v), next(iter(v.findings), None)
     if parameters := _together(v):
-        what = f"{' and '.join(parameters)} are wrong together"
+        what = f"{', '.join(parameters[:-1])} and {parameters[-1]} are wrong together"
     elif f is None and good:
         count = sum(not x.other_shift for x in v.events)
         besides = f", but for {count} event{'s' * (count > 1)} of seconds" if count else ""
@@ -75,13 +75,18 @@ def headline(v: Verdict) -> str:
 
 
 def _together(v: Verdict) -> list[str]:
-    """The parameters, two or more, that are all an offered correction changes; none if it adds a force, or a
-    name is stated."""
-    if v.fit is None or v.offered != CORRECTION or any(f.stated == f.effect for f in v.findings):
+    """The parameters, two or more, that are all an offered simulator changes, which with them is good enough;
+    none if a name is stated."""
+    if v.fit is None or any(f.stated == f.effect for f in v.findings):
         return []
-    forces = any(x.value for x in v.fit.corrected_forces.values())
-    changes = {n: x for n, x in v.fit.corrected_parameters.items() if abs(x) >= WORTH_SAYING}
-    return [] if forces or len(changes) < 2 else [_changed(n, x, None) for n, x in changes.items()]
+    changes: dict[str, float] = {}
+    if v.offered == CORRECTION and not any(x.value for x in v.fit.corrected_forces.values()):
+        changes = {n: x for n, x in v.fit.corrected_parameters.items() if abs(x) >= WORTH_SAYING}
+    elif v.offered == REFIT and v.fit.errors is not None:
+        sure = {n: r for n, r in v.fit.refit.items() if r.change_ci95[0] * r.change_ci95[1] > 0.0}
+        whole = v.fit.errors.parameters_only.speed <= Rules().visible
+        changes = {n: r.change for n, r in sure.items() if whole and abs(r.change) >= WORTH_SAYING}
+    return [_changed(n, x, None) for n, x in changes.items()] if len(changes) > 1 else []
 
 
 def _good_enough(v: Verdict) -> bool:
@@ -287,7 +292,7 @@ def how_probable(v: Verdict) -> Iterator[str]:
     if not v.findings and v.tree and v.kind is Conclusion.UNDETERMINED:
         top = [n for n in v.tree if n.parent == ROOT and n.node != "nothing"][:3]
         split = ", ".join(f"{spoken(n.node)} {percent(n.probability)}" for n in top)
-        yield f"No part of the truck is at 90 %{': ' * bool(split)}{split}."
+        yield f"No name is established{'; parts of the truck: ' * bool(split)}{split}."
 
 
 def cause(f: Finding) -> str:

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from deeptruck_core.signals import shown
-from deeptruck_model.mismatch.correction.fit_result import FitResult, Improvement, Refitted, Strength
+from deeptruck_model.mismatch.correction.fit_result import (
+    FitResult,
+    FreeRunErrors,
+    Improvement,
+    Refitted,
+    Rmse,
+    Strength,
+)
 from deeptruck_model.mismatch.folders import CORRECTION, NOT_SIGNIFICANT, REFIT
 from deeptruck_model.mismatch.output import summary
 from deeptruck_model.mismatch.posterior.budget import Budget, Part
@@ -82,6 +89,17 @@ def parts(**shares: tuple[float, float, float]) -> Budget:
     return Budget(40.0, 9, 0.5, each)
 
 
+def errors(before: float, refitted: float) -> FreeRunErrors:
+    return FreeRunErrors(Rmse(before, 0.1), Rmse(refitted, 0.1), Rmse(before, 0.1))
+
+
+REFITTED = replace(
+    FIT, offered=REFIT, errors=errors(0.6, 0.01),
+    refit={
+        "mass": Refitted(0.168, (0.08, 0.26)), "drag_area": Refitted(-0.2, (-0.24, -0.16)),
+        "torque_gain": Refitted(0.02, (-0.01, 0.05)),
+    },
+)  # fmt: skip
 HEADLINES = [
     (Verdict(PHYSICS, (WIND,)), "Headwind is missing: to confirm it, drive both ways"),
     (Verdict(PHYSICS, (WIND,), fit=FIT), "Headwind is missing: apply the correction"),
@@ -134,6 +152,15 @@ HEADLINES = [
         Verdict(Conclusion.UNDETERMINED, events=(GUST,), advice=OFF, fit=FIT),
         "The simulator is not good enough for these drives, and no cause is established: apply the "
         "correction",
+    ),
+    (
+        Verdict(Conclusion.UNDETERMINED, advice=OFF, fit=REFITTED),
+        "Mass +17 % and drag area -20 % are wrong together: apply the refitted parameters",
+    ),
+    (
+        Verdict(Conclusion.UNDETERMINED, advice=OFF, fit=replace(REFITTED, errors=errors(0.6, 0.4))),
+        "The simulator is not good enough for these drives, and no cause is established: apply the refitted "
+        "parameters",
     ),
     (
         Verdict(Conclusion.UNDETERMINED, advice=NO_RUN),
@@ -235,7 +262,7 @@ LINES = [  # a verdict, what is said, and what is not
     ),
     (
         Verdict(Conclusion.UNDETERMINED, tree=(Node("brakes", "mismatch", 0.4),)),
-        "No part of the truck is at 90 %: brakes 40 %.",
+        "No name is established; parts of the truck: brakes 40 %.",
         "Apply",
     ),
     (Verdict(SENSOR, (BIAS,)), "before you record more: the accelerometer has the wrong sign.", "Apply"),
