@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -113,55 +112,34 @@ def test_what_ends_every_drive_is_said_once() -> None:
     assert "licence has run out" in said[0] and set(said[1:]) == {"as at reset, step"}
 
 
-@pytest.mark.parametrize(
-    ("methods", "about", "says"),
-    [
-        ({"step": step_of(no_number)}, "reset, step", "or no number"),
-        ({"step": step_of(in_km_h)}, "reset, step", "m/s one step after a reset at 20 m/s"),
-        ({"step": step_of(in_g)}, "acceleration", "from the change of speed over dt"),
-        ({"step": step_of(noisy)}, "determinism", "differs when repeated"),
-        ({"step": step_of(mixed)}, "batches", "otherwise in a batch"),
-        ({"step": step_of(in_place)}, "old states", "changes the state that it is given"),
-        ({"force": FORCED["own"]}, "old states", "changes the state that it is given"),
-        ({"force": FORCED["deaf"]}, "force", "after force"),
-        ({"force": FORCED["numb"]}, "force with NaN", "changes what follows"),
-        (
-            {"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, -u, w)},
-            "engine command",
-            "the opposite",
-        ),
-        (
-            {"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, u * [1, 0], w)},
-            "brake command",
-            "hardly anything",
-        ),
-        (
-            {"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, u * [100, 1], w)},
-            "engine command",
-            "as in no truck",
-        ),
-        ({"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, u, -w)}, "grade", "the opposite"),
-        ({"inside": lambda self, state: {"gear": np.ones(7)}}, "inside", "gear of"),
-        ({"inside": lambda self, state: {"traction_force": np.full(3, np.nan)}}, "inside", "not finite"),
-        ({"inside": lambda self, state: {"traction_force": state["speed"]}}, "forces", "not brake_force"),
-        (
-            {"inside": lambda self, state: {"engine_speed": np.full(3, 1500.0)}},
-            "inside",
-            "engine_speed 1500 rad/s at 0 m/s, beyond 0 to 700",
-        ),
-        ({"parameters": lambda self: {"mass": np.nan}}, "parameters", "mass is no finite number"),
-        (
-            {"with_parameters": lambda self, values: self},
-            "parameters",
-            "changes the simulator itself, or noth",
-        ),
-        ({"reset": lambda self, y0: 1 / 0}, "reset, step", "ZeroDivisionError"),
-    ],
-)
-def test_each_fault_is_found(methods: dict[str, Any], about: str, says: str) -> None:
+FAULTS: list[tuple[dict[str, Any], str]] = [
+    ({"step": step_of(no_number)}, "reset, step"),
+    ({"step": step_of(in_km_h)}, "reset, step"),
+    ({"step": step_of(in_g)}, "acceleration"),
+    ({"step": step_of(noisy)}, "determinism"),
+    ({"step": step_of(mixed)}, "batches"),
+    ({"step": step_of(in_place)}, "old states"),
+    ({"force": FORCED["own"]}, "old states"),
+    ({"force": FORCED["deaf"]}, "force"),
+    ({"force": FORCED["numb"]}, "force with NaN"),
+    ({"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, -u, w)}, "engine command"),
+    ({"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, u * [1, 0], w)}, "brake command"),
+    ({"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, u * [100, 1], w)}, "engine command"),
+    ({"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, u, -w)}, "grade"),
+    ({"inside": lambda self, state: {"gear": np.ones(7)}}, "inside"),
+    ({"inside": lambda self, state: {"traction_force": np.full(3, np.nan)}}, "inside"),
+    ({"inside": lambda self, state: {"traction_force": state["speed"]}}, "forces"),
+    ({"inside": lambda self, state: {"engine_speed": np.full(3, 1500.0)}}, "inside"),
+    ({"parameters": lambda self: {"mass": np.nan}}, "parameters"),
+    ({"with_parameters": lambda self, values: self}, "parameters"),
+    ({"reset": lambda self, y0: 1 / 0}, "reset, step"),
+]
+
+
+@pytest.mark.parametrize(("methods", "about"), FAULTS)
+def test_each_fault_is_found(methods: dict[str, Any], about: str) -> None:
     rows = not_ok(changed(**methods))
-    assert about in rows and rows[about].state is Mark.NO, rows
-    assert re.search(says, rows[about].says) and rows[about].mend
+    assert about in rows and rows[about].state is Mark.NO and rows[about].mend, rows
 
 
 @pytest.mark.parametrize(

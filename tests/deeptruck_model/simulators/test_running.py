@@ -117,13 +117,6 @@ def test_a_wrong_rollout_is_not_used_and_said(kind: type[WithRollout]) -> None:
     assert WRONG[kind] in said_of_rollout(simulator)
 
 
-class OffAfterMinutes(WithRollout):
-    def rollout(self, u: Any, w: Any, y0: Any, recorded: Any = None) -> Run:
-        made = super().rollout(u, w, y0, recorded)
-        made.y[:, round(150.0 / DT) :, 1] += 0.02
-        return made
-
-
 class SharesASlope(WithRollout):
     """That of row 0."""
 
@@ -149,7 +142,6 @@ class RowShort(WithRollout):
     ("kind", "says"),
     [
         (OffLater, "differs from its steps in y from 40.0 s"),
-        (OffAfterMinutes, "differs from its steps in y from 150.0 s"),
         (SharesASlope, "differs from its steps in y from 0.1 s"),
         (RowEarly, r"y\[:, 0\] is not y0, the start"),
         (RowShort, r"expected \(3, 6000, 2\); mend its rollout"),

@@ -18,27 +18,6 @@ from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
 
-def test_a_slipping_clutch_is_no_lever() -> None:
-    """First gear turns 28 times a metre; at a launch the engine idles over a truck that hardly moves."""
-    speed = np.concatenate([[0.0, 0.2, 0.5], np.linspace(1.8, 20.0, 400)])
-    turns = np.where(speed < 6.0, 28.0, 7.0)
-    out = {"speed": speed, "engine_speed": np.maximum(turns * speed, 50.0)}
-    components._ratio(out)
-    assert out["ratio"][:3] == pytest.approx([100.0, 100.0, 100.0])
-    assert out["overall_ratio"][:3] == pytest.approx([28.0, 28.0, 28.0], rel=0.01)
-    assert (out["overall_ratio"] <= out["ratio"]).all()
-    assert out["overall_ratio"][speed > 8.0] == pytest.approx(7.0)
-
-
-def test_a_lever_is_unknown_where_the_engine_speed_is() -> None:
-    out = {"speed": np.full(4, 10.0), "engine_speed": np.array([100.0, np.nan, 100.0, 100.0])}
-    components._ratio(out)
-    assert np.isnan(out["overall_ratio"]).tolist() == [False, True, False, False]
-    nothing = {"speed": np.full(4, 10.0)}
-    components._ratio(nothing)
-    assert set(nothing) == {"speed"}
-
-
 def test_traction_is_taken_from_torque_command_and_fuel_in_this_order() -> None:
     speed, one = np.full(3, 10.0), np.ones(3)
     known = {"engine_torque": 3 * one, "engine_speed": 100 * one, "engine_command": 2 * one, "fuel_rate": one}
@@ -47,16 +26,6 @@ def test_traction_is_taken_from_torque_command_and_fuel_in_this_order() -> None:
     assert commanded == pytest.approx(20.0) and unknown == 0.0
     assert burnt == pytest.approx(0.1) and efficiency > 1e4
     assert not list(components.tractions({}, speed))
-
-
-def test_the_noise_of_two_sensors_moves_no_lever() -> None:
-    rng = np.random.default_rng(3)
-    speed = np.linspace(4.0, 20.0, 2000)
-    turns = np.where(speed < 9.0, 12.0, 6.0)
-    out = {"speed": speed * rng.normal(1.0, 0.01, 2000), "engine_speed": turns * speed}
-    components._ratio(out)
-    assert np.unique(out["overall_ratio"]) == pytest.approx([6.0, 12.0], rel=0.01)
-    assert out["engine_speed"] == pytest.approx(out["overall_ratio"] * out["speed"])
 
 
 def test_a_simulator_reports_the_overall_ratio_of_a_slipping_clutch() -> None:
@@ -77,6 +46,35 @@ class BlackBox:
 
     def parameters(self) -> dict[str, float]:
         return {}
+
+
+def ratios(speed: Array, engine_speed: Array) -> dict[str, Array]:
+    """The signals of a black box along a drive with this engine speed."""
+    channels = {"speed": speed, "acceleration": 0.0 * speed, "engine_speed": engine_speed}
+    channels |= {"engine_command": 500.0 + 0.0 * speed, "brake_command": 0.0 * speed, "grade": 0.0 * speed}
+    prepared = [prepare(Recording("drive", 0.1, channels, TruckInterface("box", fuel=False)), False)]
+    box = cast(Simulator, BlackBox())
+    runs = [forced_run(box, p.u[None], p.w[None], p.y[None]) for p in prepared]
+    return components.signals(box, prepared, runs, Grid(prepared, [False], 1))[0]
+
+
+def test_a_slipping_clutch_is_no_gear() -> None:
+    """First gear turns 28 times a metre; at a launch the engine idles over a truck that hardly moves."""
+    speed = np.concatenate([[0.0, 0.2, 0.5], np.linspace(1.8, 20.0, 400)])
+    turns = np.where(speed < 6.0, 28.0, 7.0)
+    out = ratios(speed, np.maximum(turns * speed, 50.0))
+    assert out["ratio"][:3] == pytest.approx([100.0, 100.0, 100.0])
+    assert out["overall_ratio"][:3] == pytest.approx([28.0, 28.0, 28.0], rel=0.01)
+    assert (out["overall_ratio"] <= out["ratio"]).all()
+    assert out["overall_ratio"][speed > 8.0] == pytest.approx(7.0)
+
+
+def test_the_noise_of_two_sensors_moves_no_gear() -> None:
+    rng = np.random.default_rng(3)
+    speed = np.linspace(4.0, 20.0, 2000)
+    out = ratios(speed * rng.normal(1.0, 0.01, 2000), np.where(speed < 9.0, 12.0, 6.0) * speed)
+    assert np.unique(out["overall_ratio"]) == pytest.approx([6.0, 12.0], rel=0.01)
+    assert out["engine_speed"] == pytest.approx(out["overall_ratio"] * out["speed"])
 
 
 def test_a_black_box_without_engine_speed_and_fuel_is_split_by_its_answers_to_silence() -> None:
