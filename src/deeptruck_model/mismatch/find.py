@@ -22,7 +22,7 @@ from deeptruck_model.mismatch.posterior.budget import budget
 from deeptruck_model.mismatch.posterior.events import with_events
 from deeptruck_model.mismatch.posterior.names import Compared, names
 from deeptruck_model.mismatch.posterior.reference_error import with_reference_error
-from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters
+from deeptruck_model.mismatch.posterior.relinearise import at_estimated_parameters
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives, Span, prepare_drives
 from deeptruck_model.mismatch.report.found import Mismatch
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -142,8 +142,9 @@ def compared(
     e = with_reference_error(simulator, e, drives.prepared[0].measured_acceleration, seed)
 
     say(COMPARING)
-    regression = at_fitted_parameters(simulator, drives, e, seed, exclude, say)
-    p, events = with_events(regression, seed)
+    look = at_estimated_parameters(simulator, drives, e, seed, exclude, say)
+    p, events = with_events(look, seed)
+    regression = p.regression
     parameters = dict(simulator.parameters())
     remarks = (
         *_caveats(simulator, regression.e),

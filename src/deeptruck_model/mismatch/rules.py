@@ -54,7 +54,7 @@ class Rules:
     parameter_gain: float = _rule(20.0, "nats", CHOSEN,
         "gain of a free parameter, or of unrecorded braking, below which it is not reported")
     nearly_right: float = _rule(0.015, "1", CHOSEN,
-        "relative error that any simulator's parameter may have; beyond it is a standard deviation more")
+        "relative error that any simulator's parameter may have: its interval is beyond it")
 
     odds: float = _rule(0.02, "1", CHOSEN,
         "prior odds that a mechanism is in, times its chance among the others")
@@ -156,6 +156,8 @@ class Limits:
         "prior odds that an effect varies in time or by condition, times those of its law")
     nameless: float = _rule(0.3, "1", CHOSEN,
         "prior odds that a force follows no mechanism, times those of a mechanism")
+    adds_up: float = _rule(0.05, "m/s", SENSORS,
+        "speed error of free runs that a force must add up to, to be a finding: noise of ordinary sensors")
     form_error: float = _rule(0.1, "1", CHOSEN,
         "model-form error, of the standard deviation of the lasting residual")
     law_error: float = _rule(0.005, "1", CHOSEN,
@@ -181,6 +183,8 @@ class Limits:
     least_shift: float = _rule(0.005, "1", CHOSEN,
         "relative change of a parameter, below which it is not set")
     least_error: float = _rule(1e-3, "m/s", CHOSEN, "error of a free run that counts as none")
+    identified: float = _rule(0.6, "1", CHOSEN,
+        "standard deviation of a parameter over that of its prior, below which the drives identify it")
     pair_correlation: float = _rule(0.9, "1", CHOSEN,
         "correlation, above which drives identify two parameters only as a pair")
     mass_saves: float = _rule(0.1, "1", CHOSEN,

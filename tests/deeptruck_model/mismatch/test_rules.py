@@ -40,7 +40,7 @@ def compared_numbers(path: Path) -> Iterator[float]:
 # Constants that are compared with, or bound a value, and decide nothing: by what they steer.
 STEERING = {
     "grids, windows and counts of a computation": (
-        "ACTING ALIKE ASK_EVERY_S BIN_M BLOCK_LEARNED_S BLOCK_S BURN_IN FOLDS FORMS "
+        "ACTING ALIKE ASK_EVERY_S BIN_M BLOCK_LEARNED_S BLOCK_S BURN_IN FAR FOLDS FORMS "
         "IN_PLACE KNOTS LAP_M LASTING LEAST_GAIN LEAST_POWER LEAST_ROWS LEAST_STEP LENGTHS_S "
         "LOOK_BACK_S LOWEST MOST MOST_KNOTS MOST_KNOWN MOST_OF MOST_PLACES MOST_STEPS NEAREST "
         "PLACE_M REACH SETTLED SLOW_KNOT_S SLOW_NOISE_S SMOOTH_S STEADY STEP_M STEP_S TINY"

@@ -1,7 +1,7 @@
 """Calibrates a physics truck's parameters on recordings, and finds which parameters these do not identify.
 
-All parameters that the recorded truck shares with a truck of the pool are fitted at once, relinearised until
-convergence, with the noise and priors of the mismatch tool. No missing effects are fitted: they bias the
+All parameters that the recorded truck shares with a truck of the pool are fitted at once by exact runs, with
+the noise and priors of the mismatch tool. No missing effects are fitted: they bias the
 parameters, which held-out drives then show.
 
 Changing mass and gains together hardly changes the acceleration, so missing physics could move all of them
@@ -11,28 +11,27 @@ predicted better, and gains are kept near the given values (another load does no
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import t as student_t
 from threadpoolctl import threadpool_limits
 
 from deeptruck_core.errors import InputError
 from deeptruck_model.mismatch.correction.fit_result import Interval, Rmse
 from deeptruck_model.mismatch.correction.free_runs import free_windows, horizon, improvement
-from deeptruck_model.mismatch.posterior.regression import FREE, Model, Regression
-from deeptruck_model.mismatch.posterior.relinearise import refitted
+from deeptruck_model.mismatch.posterior import exact
+from deeptruck_model.mismatch.posterior.posterior import first_look
+from deeptruck_model.mismatch.posterior.regression import FREE, Regression
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives, prepare_drives
-from deeptruck_model.mismatch.residual.gather import accepted, gather
+from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.left_out import left_to_compare
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PARAMETERS, PhysicsTruck
 
-PARTS = 10  # of the driving, to see how far they disagree
 GAINS = ("torque_gain", "brake_gain")
 NO_GRADE = (
     "the truck takes no grade: slopes go into its parameters, so that it is fitted on a level road alone"
@@ -97,18 +96,19 @@ def calibrate(
         if drives.unusable_because:
             raise InputError(f"the truck cannot be fitted to these recordings: {drives.unusable_because}")
         say("fitting all parameters")
-        regression, model = refitted(truck, drives, e, seed, frozenset(e.sensitivity), say)
-        # Deviations hold the evidence temperature: a half of the prior at 6 is this at 9.
-        identified = frozenset(p for p in regression.parameters if model.moved_sd(p) < 0.61 * FREE[p])
-        if identified != frozenset(e.sensitivity):
-            say("fitting those that the drives identify")
-            regression, model = refitted(truck, drives, e, seed, identified, say)
-        moved = _driven(truck, drives, regression, model, identified)
+        look = first_look(Regression(e.to_fit()), seed=seed)
+        every = np.ones(len(look.draws.states), dtype=bool)
+
+        def fitted(free: Sequence[str]) -> exact.Fitted:
+            return exact.Exact(truck, drives.prepared, look, every, free).fit()
+
+        whole = fitted(tuple(e.sensitivity))
+        identified = [p for p in e.sensitivity if whole.change(p)[1] < Limits.identified * FREE[p]]
+        moved = _driven(truck, drives, whole if len(identified) == len(e.sensitivity) else fitted(identified))
         if not any("mass" in pair and set(pair) & set(GAINS) for pair in moved.alike):
             return moved
         say("fitting with the mass as given")
-        free = identified - {"mass"}
-        held = _driven(truck, drives, *refitted(truck, drives, e, seed, free, say), free)
+        held = _driven(truck, drives, fitted([p for p in identified if p != "mass"]))
         nearer = all(_off(moved, gain) <= _off(held, gain) + Limits.gain_farther for gain in GAINS)
         saved = (_saves(drives, other, moved.truck) for other in (held.truck, truck))
         if nearer and all(x > Limits.mass_saves for x in saved):
@@ -133,28 +133,18 @@ def _saves(drives: PreparedDrives, held: PhysicsTruck, moved: PhysicsTruck) -> f
     return 0.0 if interval is None else interval[0]
 
 
-def _driven(
-    truck: PhysicsTruck,
-    drives: PreparedDrives,
-    regression: Regression,
-    model: Model,
-    identified: frozenset[str],
-) -> Calibration:
-    change = {p: regression.e.total_change(p, model.moved(p)) for p in identified}
-    own = truck.parameters()
-    fitted = truck.with_parameters({p: own[p] * (1.0 + x) for p, x in accepted(truck, change).items()})
+def _driven(truck: PhysicsTruck, drives: PreparedDrives, found: exact.Fitted) -> Calibration:
+    own, moved = truck.parameters(), found.setting.moved
+    fitted = truck.with_parameters({p: own[p] * (1.0 + x) for p, x in moved.items()})
     held = drives.part(held_out=True)
     long = horizon(held)
     errors = {name: free_windows(t, held, long) for name, t in (("before", truck), ("after", fitted))}
     some = len(errors["before"].speed) > 0
-    spread = _jackknife(regression, identified)
     gained = improvement({**errors, "parameters_only": errors["before"]}).ci95 if some else None
     return Calibration(
         truck=fitted,
-        parameters=tuple(
-            _parameter(p, truck, fitted, regression, model, identified, spread) for p in regression.parameters
-        ),
-        alike=_alike(model, sorted(identified)),
+        parameters=tuple(_parameter(p, truck, fitted, found) for p in found.of.e.sensitivity),
+        alike=_alike(found),
         held_out=tuple(p.recording.name for p in held),
         horizon_s=long,
         before=errors["before"].rmse() if some else None,
@@ -164,44 +154,18 @@ def _driven(
     )
 
 
-def _parameter(
-    name: str,
-    truck: PhysicsTruck,
-    fitted: PhysicsTruck,
-    regression: Regression,
-    model: Model,
-    identified: frozenset[str],
-    spread: Mapping[str, float],
-) -> Fitted:
+def _parameter(name: str, truck: PhysicsTruck, fitted: PhysicsTruck, found: exact.Fitted) -> Fitted:
     given, value = truck.parameters()[name], fitted.parameters()[name]
-    about = given * (1.0 + regression.e.moved.get(name, 0.0))  # the value whose relative change was fitted
-    wide = Z95 * about * max(model.moved_sd(name), spread.get(name, 0.0))
-    interval = (value - wide, value + wide) if name in identified else None
-    return Fitted(name, PARAMETERS[name].unit, given, value, interval)
-
-
-def _jackknife(regression: Regression, identified: frozenset[str]) -> dict[str, float]:
-    """Sd of the relative changes between parts of the driving, which the noise within parts does not show.
-
-    Each of PARTS is left out in turn (delete-a-group jackknife: Kott, Journal of Official Statistics 17,
-    2001). Parts have equal time, because there are too few drives to use as parts.
-    """
-    rows = np.flatnonzero(regression.e.valid)
-    part = np.full(len(regression.e), -1)
-    part[rows] = np.arange(len(rows)) * PARTS // max(len(rows), 1)
-    fits = [Regression(regression.e, only=part != k).model((), identified) for k in range(PARTS)]
-    changes = {p: np.array([fit.moved(p) for fit in fits]) for p in identified}
-    wider = float(student_t.ppf(0.975, PARTS - 1)) / Z95
-    return {p: wider * float(np.sqrt((PARTS - 1) * np.var(x))) for p, x in changes.items()}
-
-
-def _alike(model: Model, names: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """Pairs of free parameters with strongly correlated errors."""
-    layout = dict(model.layout)
-    at = {p: layout[f"parameter:{p}"].start for p in names}
-    sd = np.sqrt(np.diag(model.fit.covariance))
-    return tuple(
-        (p, q)
-        for p, q in combinations(names, 2)
-        if abs(model.fit.covariance[at[p], at[q]]) > Limits.pair_correlation * sd[at[p]] * sd[at[q]]
+    wide = Z95 * given * found.change(name)[1] if found.places(name) else None
+    return Fitted(
+        name, PARAMETERS[name].unit, given, value, None if wide is None else (value - wide, value + wide)
     )
+
+
+def _alike(found: exact.Fitted) -> tuple[tuple[str, str], ...]:
+    """Pairs of free parameters with strongly correlated errors."""
+    names = [u.of for u in found.of.unknown]
+    covariance = np.linalg.inv(found.H)[: len(names), : len(names)]
+    sd = np.sqrt(np.diag(covariance))
+    related = np.abs(covariance) > Limits.pair_correlation * np.outer(sd, sd)
+    return tuple((names[i], names[j]) for i, j in combinations(range(len(names)), 2) if related[i, j])

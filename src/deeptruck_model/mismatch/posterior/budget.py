@@ -7,6 +7,7 @@ budget holds for the drives it was fitted to.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -207,7 +208,7 @@ def _refitted(regression: Regression, given: Evidence) -> dict[str, Array]:
     """The fixed columns (n,), m/s^2, by family: the change of the residual by refitted parameters, including
     their prior means. Its nonlinear part is divided in proportion to the linear parts."""
     e = regression.e
-    X, prior, layout = regression.design(regression.model((), frozenset()))
+    X, prior = regression.design()
     linear = {p: np.nan_to_num(given.sensitivity[p]) * change for p, change in e.moved.items()}
     total = sum(np.abs(force) for force in linear.values())
     rest = np.nan_to_num(given.residual - e.residual) - sum(linear.values())
@@ -215,9 +216,10 @@ def _refitted(regression: Regression, given: Evidence) -> dict[str, Array]:
     for p, force in linear.items():
         share = np.abs(force) / np.maximum(total, 1e-12)
         out[FAMILY[p]] = out.get(FAMILY[p], 0.0) + force + share * rest
-    for name, part in layout:
-        family = FAMILY.get(name.removeprefix("parameter:"), SENSORS)
-        out[family] = out.get(family, 0.0) + np.nan_to_num(X[:, part]) @ prior.mean[part]
+    each = itertools.zip_longest(regression.parameters, np.nan_to_num(X).T * prior.mean[:, None])
+    for name, force in each:
+        family = FAMILY.get(name, SENSORS)
+        out[family] = out.get(family, 0.0) + force
     return out
 
 

@@ -33,7 +33,7 @@ from deeptruck_model.mismatch.posterior.kernels import (
     within,
     without,
 )
-from deeptruck_model.mismatch.posterior.posterior import Posterior, first_look, posterior
+from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES
 from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
@@ -89,14 +89,12 @@ class Event:
     channels: tuple[str, ...] = field(default=(), metadata=SPARSE)
 
 
-def with_events(regression: Regression, seed: int) -> tuple[Posterior, tuple[Event, ...]]:
+def with_events(look: Posterior, seed: int) -> tuple[Posterior, tuple[Event, ...]]:
     """The posterior, and the events. What acts throughout is named from the rows without events, and what
     acts for seconds afterwards from these alone.
 
-    A first look estimates the noise and selects the laws whose constants are fitted. A first posterior finds
-    the events.
+    A first `look` selects the laws whose constants are fitted, and a first posterior finds the events.
     """
-    look = first_look(regression, seed=seed)
     regression = narrowed(look)
     p = posterior(regression, seed=seed, noise=look.noise)
     found = events(p, seed)

@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 from deeptruck_core.arrays import Array
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, Mechanism, candidate_term, every_variant
 from deeptruck_model.mismatch.mechanisms.record import Form, Variant
-from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, narrow
+from deeptruck_model.mismatch.posterior.kernels import PARAMETER, UNKNOWN, narrow
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, weights
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, State, gains_of, most_probable
@@ -95,7 +95,7 @@ def narrowed(p: Posterior) -> Regression:
 
 def _without_names(p: Posterior, state: State) -> State:
     """A state without the blocks of mechanisms."""
-    other = [k.name in (*NO_NAME, UNKNOWN) or k.part == "parameter" for k in p.of]
+    other = [k.name in (*NO_NAME, UNKNOWN) or k.part == PARAMETER for k in p.of]
     return tuple(s if keep else OUT for keep, s in zip(other, state, strict=True))
 
 

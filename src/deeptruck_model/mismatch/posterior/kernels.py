@@ -25,7 +25,7 @@ from deeptruck_model.mismatch.rules import Limits
 
 UNKNOWN = "unknown"
 LAW, WITH_ERROR, IN_TIME, WITHIN, UNNAMED = 16, 32, 48, 5, 40  # leading directions kept of a kernel
-LAWS, VARYING, IN_EVENTS = "law", "in time", "in events"  # parts of a name's forces
+LAWS, VARYING, IN_EVENTS, PARAMETER = "law", "in time", "in events", "parameter"  # parts of a name's forces
 FORCES = ("brakes", "engine_driveline", "air_tyres_road")  # families whose laws are off in proportion
 LEADING = 5  # directions of a law that may be off
 OFF = 0.3  # prior sd of the factor by which they are
@@ -110,7 +110,7 @@ def _kernels(regression: Regression) -> tuple[Kernel, ...]:
     ]
     unknown = Kernel(UNKNOWN, _thin(_anything(regression), regression, UNNAMED), chance=Limits.nameless)
     sensitivity = {p: regression.e.sensitivity[p][:, None] * FREE[p] for p in regression.parameters}
-    return (*found, unknown, *(Kernel(p, x, part="parameter") for p, x in sensitivity.items()))
+    return (*found, unknown, *(Kernel(p, x, part=PARAMETER) for p, x in sensitivity.items()))
 
 
 def _of_terms(regression: Regression, terms: Sequence[CandidateTerm], off: Array) -> list[Kernel]:

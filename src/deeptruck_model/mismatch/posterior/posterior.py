@@ -22,7 +22,14 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.air_tyres_road import HILLY
 from deeptruck_model.mismatch.mechanisms.courses import FINE_M, SLOW_KNOT_S
 from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, EVENT, PLACE, SLOW, UNKNOWN
-from deeptruck_model.mismatch.posterior.kernels import IN_EVENTS, LAWS, VARYING, Kernel, kernels
+from deeptruck_model.mismatch.posterior.kernels import (
+    IN_EVENTS,
+    LAWS,
+    PARAMETER,
+    VARYING,
+    Kernel,
+    kernels,
+)
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, SWEEPS, Blocks, Draws, Reduced, sample
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -87,14 +94,14 @@ class Posterior:
         """Whether the parameter of a name acts more often than its other forces."""
         inside = self.draws.inside
         own = {k.part: float(inside[:, j].mean()) for j, k in enumerate(self.of) if k.name == name}
-        parameter = own.pop("parameter", 0.0)
+        parameter = own.pop(PARAMETER, 0.0)
         return parameter > 0.0 and parameter >= max(own.values(), default=0.0)
 
     def change(self, parameter: str, given: NDArray[np.bool_]) -> tuple[float, float]:
         """Mean and standard deviation of a parameter's relative change from the simulator as given, over the
         `given` draws (m,)."""
         s, i = self.regression, self.regression.parameters.index(parameter)
-        j = next(j for j, k in enumerate(self.of) if k.name == parameter and k.part == "parameter")
+        j = next(j for j, k in enumerate(self.of) if k.name == parameter and k.part == PARAMETER)
         b = self.draws.coefficients[given]
         slope = self.prior.mean[i] + self.prior.sd[i] * b[:, i] + FREE[parameter] * b[:, self.at[j][0]]
         gain = s.mass_gain if parameter == "mass" else 1.0
@@ -191,7 +198,8 @@ def posterior(
 
 def first_look(regression: Regression, *, seed: int = 0) -> Posterior:
     """A few draws from the posterior, and the noise that is fitted beside their mean forces."""
-    noise = regression.background(()).fit
+    X, prior = regression.design(free=True)
+    noise = fit(regression.series, X, prior)
     few, rounds = KNOWN if regression.e.known_physics else LEARNED
     for _ in range(rounds):
         p, before = _drawn(regression, seed, few, noise), noise.sigma
@@ -202,7 +210,7 @@ def first_look(regression: Regression, *, seed: int = 0) -> Posterior:
 
 
 def _drawn(regression: Regression, seed: int, sweeps: int, noise: Fit) -> Posterior:
-    X, prior, _ = regression.design(regression.model((), frozenset()))
+    X, prior = regression.design()
     drift = _drift(regression)
     of = (*_beside_slope(regression, drift), *drift)
     error = _form_error(regression)
@@ -331,7 +339,7 @@ def _slope(regression: Regression) -> Kernel:
 
 def _beside_slope(regression: Regression, drift: Sequence[Kernel]) -> Iterator[Kernel]:
     """The kernels of a regression; what no mechanism would do has nothing that a slope does, where there may
-    be one that was not recorded and that no accelerometer tells from other forces."""
+    be one that was not recorded and that no accelerometer distinguishes."""
     slope = next((k.features for k in drift if k.part == SLOPE), None)
     for k in kernels(regression):
         if k.name == UNKNOWN and slope is not None and not regression.e.has(FELT):

@@ -189,6 +189,15 @@ class Evidence:
         """The same evidence, with all recordings to be fitted, held-out ones included."""
         return self if self.whole is None else replace(self, valid=self.whole, whole=None)
 
+    def adds_up(self, force: Array, horizon_s: float) -> float:
+        """Speed error (rms, m/s) to which a force (n,), m/s^2, integrates over windows of `horizon_s`, along
+        the fitted drives."""
+        steps = max(1, round(horizon_s / self.dt))
+        counted = np.where(self.valid, np.nan_to_num(force), 0.0) * self.dt
+        fitted = [s for s in self.drives if not s.held_out]
+        parts = [counted[k : min(k + steps, s.stop)] for s in fitted for k in range(s.start, s.stop, steps)]
+        return float(np.sqrt(np.mean(np.concatenate([np.cumsum(x) for x in parts]) ** 2)))
+
     def without(self, hidden: Mask | None) -> Evidence:
         """The same evidence without the rows (n,) in which an unrecorded brake acts."""
         return self if hidden is None else replace(self, valid=self.valid & ~hidden, hidden=hidden)
@@ -240,13 +249,13 @@ class Evidence:
     def held_out(self) -> Mask:
         return np.array([s.held_out for s in self.drives])[self.record]
 
-    def series(self, sigma: float, only: Mask | None = None) -> Series:
+    def series(self, sigma: float) -> Series:
         """The regression target; segments in which the simulator is sensitive to input noise have less
         weight."""
         relative = self.doubt(sigma)
-        valid = self.valid if only is None else self.valid & only
         slow = float(np.sqrt(self.dt / SLOW_NOISE_S)) / self.slow_noise
-        return Series(np.where(valid, self.residual, 0.0), valid, self.starts, relative, slow, self.rules)
+        y = np.where(self.valid, self.residual, 0.0)
+        return Series(y, self.valid, self.starts, relative, slow, self.rules)
 
     def doubt(self, sigma: float) -> Array:
         """Factor >= 1 on the standard deviation of each sample, (n,), for the simulator's spread under input

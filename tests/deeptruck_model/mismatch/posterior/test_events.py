@@ -27,7 +27,7 @@ from deeptruck_model.mismatch.posterior.events import (
 )
 from deeptruck_model.mismatch.posterior.kernels import kernels, without
 from deeptruck_model.mismatch.posterior.names import names
-from deeptruck_model.mismatch.posterior.posterior import posterior
+from deeptruck_model.mismatch.posterior.posterior import first_look, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Prior, fit
 from deeptruck_model.mismatch.rules import Rules
@@ -183,7 +183,7 @@ def strong_pulls() -> list[int]:
 
 def test_a_single_event_has_possible_names_and_is_evidence_for_none() -> None:
     lost, (rows,) = lost_for_seconds(strong_pulls()[0])
-    p, happened = with_events(regression(evidence(lost)), 0)
+    p, happened = with_events(first_look(regression(evidence(lost))), 0)
     assert not rows_of(happened, N)[p.regression.rows].any()
     (one,) = (x for x in happened if overlaps(x, rows) > 0.5)
     assert one.name is None and not one.other_shift
@@ -193,7 +193,7 @@ def test_a_single_event_has_possible_names_and_is_evidence_for_none() -> None:
 
 def test_names_that_act_in_several_events_are_found_beside_what_acts_throughout() -> None:
     lost, rows = lost_for_seconds(*strong_pulls())
-    p, happened = with_events(regression(evidence(lost)), 0)
+    p, happened = with_events(first_look(regression(evidence(lost))), 0)
     cause = names(p).found[0]
     assert FAMILY[cause.name] == "engine_driveline" and not cause.lasts
     within = rows_of(happened, N)
@@ -209,7 +209,7 @@ def test_what_a_shift_at_another_moment_makes_has_no_name() -> None:
     shifting = np.zeros(N, dtype=bool)
     for r in rows:
         shifting[r] = True
-    p, happened = with_events(regression(replace(evidence(lost), other_shift=shifting)), 0)
+    p, happened = with_events(first_look(regression(replace(evidence(lost), other_shift=shifting))), 0)
     assert happened and all(x.other_shift and x.name is None and not x.possible for x in happened)
     assert not names(p).found
 

@@ -13,9 +13,15 @@ from deeptruck_model.mismatch.posterior.posterior import gains
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual import timing
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.noise import Fit, fit
 from deeptruck_model.mismatch.residual.timing import sensor_terms
 
 FILTER_S = 0.2  # sd of what a sensor smooths
+
+
+def fitted(search: Regression) -> Fit:
+    """The fit of parameters and of what sensors do."""
+    return fit(search.series, *search.design(free=True))
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +38,9 @@ def test_nothing_makes_up_for_it(smoothed: Evidence, monkeypatch: pytest.MonkeyP
     """Loads that slosh and engines that rub had been found in trucks in which nothing was missing."""
     beside = Regression(smoothed)
     monkeypatch.setattr(timing, "REACH_S", 0.0)
-    without = Regression(smoothed, sigma=beside.sigma)  # rows weigh alike in both
-    assert beside.background(()).score > without.background(()).score + 100.0
+    without = Regression(smoothed)
+    without.weigh(beside.sigma)  # alike
+    assert fitted(beside).evidence > fitted(without).evidence + 100.0
     assert _most(without) > 20.0 > _most(beside)
 
 
@@ -63,11 +70,11 @@ def test_a_slope_that_is_recorded_late_or_early_is_no_finding(
     recorded = 0.05 * np.tanh(3.0 * np.sin(2.0 * np.pi * (seconds - late_s) / 60.0))
     hidden = e.residual - GRAVITY * (road - recorded)
     search = Regression(replace(e, signals=e.signals | {"grade": recorded}, residual=hidden))
-    model = search.background(())
-    lateness = model.coefficients("sensor lag")[2]
+    found = fitted(search)
+    lateness = found.b[len(search.parameters) + 2]
     assert lateness == pytest.approx(late_s, abs=0.1)
     level = Regression(replace(search.e, signals=search.e.signals | {"grade": np.zeros(len(e))}))
-    assert model.score > level.background(()).score + 100.0  # it had to be made up for
+    assert found.evidence > fitted(level).evidence + 100.0  # it had to be made up for
     assert _most(search) < 20.0
 
 
@@ -91,8 +98,9 @@ def test_shifts_a_little_sooner_are_known_beside_all_else(nothing_missing: Evide
     sooner = np.roll(pull, -1) - pull
     e = replace(nothing_missing, residual=nothing_missing.residual + 0.7 * sooner)
     beside = Regression(replace(e, sooner=sooner))
-    without = Regression(e, sigma=beside.sigma)  # rows weigh alike in both
-    model = beside.model((), frozenset())
-    assert model.score > without.background(()).score + 100.0
-    assert model.coefficients("sensor lag")[-1] == pytest.approx(0.7, abs=0.05)
+    without = Regression(e)
+    without.weigh(beside.sigma)  # alike
+    found = fitted(beside)
+    assert found.evidence > fitted(without).evidence + 100.0
+    assert found.b[-1] == pytest.approx(0.7, abs=0.05)
     assert _most(beside) < 20.0
