@@ -131,13 +131,14 @@ def _part(term: CandidateTerm, b: Array) -> Part:
 
 
 def _needless(fitted: Fitted, folds: Sequence[Mask]) -> str:
-    """The name that is least certain of those whose interval holds zero; else one without which drives left
-    out are predicted as well, the least certain first. Empty if there is none."""
-    off: dict[str, float] = {}
+    """The name that is least certain of those whose interval holds zero, or what any simulator's parameter
+    may be off by; else one without which drives left out are predicted as well, the least certain first.
+    Empty if there is none."""
+    nearly_right, off = fitted.of.p.regression.rules.nearly_right, dict[str, float]()
     for u in fitted.of.unknown:
         if u.part is None:
             change, sd = fitted.change(u.of)
-            off[u.of] = sd / max(abs(change), 1e-9)
+            off[u.of] = sd / max(abs(change) - nearly_right, 1e-9)
         else:
             name = fitted.of.parts[u.part].mechanism.effect
             off[name] = fitted.relative_sd(name)

@@ -136,7 +136,7 @@ def names(p: Posterior) -> Names:
     left = {n: x for n, x in acts.items() if x.mean() >= Limits.rare}
     whole = tree_of(left)
     found: list[Named] = []
-    size = cache(lambda n: _speed_error(p, n))
+    size = cache(lambda n: _speed_error(p, p.force(n, p.inside(n))))
     while left and len(found) < rules.most_findings:
         likely = {n: min(float(x.mean()), rules.stated) for n, x in left.items()}
         first = [n for n, chance in likely.items() if chance == max(likely.values())]
@@ -158,15 +158,6 @@ def names(p: Posterior) -> Names:
     return Names(tuple(found), _explanations(acts), whole, none, together)
 
 
-def _speed_error(p: Posterior, name: str) -> float:
-    """Speed error (rms, m/s) that the mean force of a name adds up to within the longest free runs."""
-    e = p.regression.e
-    force = np.where(e.everywhere().valid & ~e.held_out, p.force(name, p.inside(name)), 0.0)
-    window = max(1, round(Limits.horizons_s[0] / e.dt))
-    parts = [force[at : min(at + window, s.stop)] for s in e.drives for at in range(s.start, s.stop, window)]
-    return float(np.sqrt(np.mean(np.concatenate([np.cumsum(x) * e.dt for x in parts]) ** 2)))
-
-
 def tree_of(acts: Mapping[str, Mask]) -> Tree:
     """The probabilities of names from the draws (m,) in which each acts, and of any in each family."""
     families: dict[str, Mask] = {}
@@ -179,13 +170,32 @@ def tree_of(acts: Mapping[str, Mask]) -> Tree:
 
 
 def _named(p: Posterior, name: str, tree: Tree) -> Named:
-    """For a learned simulator a name is accepted only from probability `stated` on, and with more gain than
-    any name has on the simulator's own recordings."""
+    """A name; accepted if its force adds up to more than the noise of ordinary sensors, and a delay is longer
+    than theirs. For a learned simulator a name is accepted only from probability `stated` on, and with more
+    gain than any name has on the simulator's own recordings."""
     acts, force = p.inside(name), p.force(name, p.inside(name))
     lasts = bool(p.lasts(name).sum() >= 0.5 * acts.sum())
     sure = max(tree.families.values()) >= p.regression.rules.stated
     accepted = p.regression.e.known_physics or (sure and p.gain(name) > _reference_gain(p))
+    accepted = accepted and _speed_error(p, force) >= Limits.adds_up and _longer_than_sensors(p, name, force)
     return Named(name, tree, p.gain(name), force, accepted, acts, lasts)
+
+
+def _speed_error(p: Posterior, force: Array) -> float:
+    """Speed error (rms, m/s) that a force (n,) adds up to within the longest free runs."""
+    return p.regression.e.everywhere().adds_up(force, Limits.horizons_s[0])
+
+
+def _longer_than_sensors(p: Posterior, name: str, force: Array) -> bool:
+    """Whether a delay exceeds that of ordinary message periods and filters. The nuisance terms of sensors
+    take up part of a delay, so that the whole residual is compared, where the force acts."""
+    e = p.regression.e
+    if not any(m.effect == name and m.delay for m in p.regression.library):
+        return True
+    rows = e.valid & (force != 0.0)
+    late = e.rerun("delay_all", e.rules.least_delay_s)[rows]
+    times = abs(float(e.residual[rows] @ late)) / max(float(late @ late), 1e-12)
+    return times > 1.0
 
 
 def _reference_gain(p: Posterior) -> float:

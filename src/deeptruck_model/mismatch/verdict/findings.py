@@ -54,7 +54,7 @@ def findings(
     road_names = {f.effect for f in of_road}  # whole, where the residual of a learned truck has a rest of it
     for named in (named for named in c.names.found if named.name not in correction.needless):
         f = _of_named(c, e, correction, named, rules) if named.name not in road_names else None
-        if f is not None and named.accepted and _longer_than_sensors(f, e):
+        if f is not None and named.accepted:
             each = tuple(_alternatives(c, correction, f, named))
             out.append(replace(f, missing_input=behind.get(f.effect, ""), alternatives=each))
     of_slope = not e.has("grade") and any(f.effect == LIBRARY.of_input("grade").effect for f in out)
@@ -196,14 +196,15 @@ def _constants(c: Compared) -> tuple[Array, dict[str, Size]]:
 
 
 def _of_parameter(c: Compared, named: Named, correction: Correction, rules: Rules) -> Finding | None:
-    """A parameter error as the correction has it; None if it is no larger than any simulator's tolerance."""
+    """A parameter error as the correction has it; None if its interval reaches what any simulator may be off
+    by."""
     name, regression = named.name, c.regression
     exact = correction.fitted
     known = exact is not None and exact.places(name)
     change, sd = exact.change(name) if exact and known else c.posterior.change(name, named.given)
-    if abs(change) - sd < rules.nearly_right:
-        return None
     wide = Z95 * sd
+    if abs(change) - wide < rules.nearly_right:
+        return None
     low, high = regression.e.vehicle.possible(name)
     ci95 = (max(change - wide, low), min(change + wide, high))
     sizes = {"relative_error": Size(change, "1", ci95)}
@@ -276,37 +277,15 @@ def _drives(e: Evidence, force: Array) -> tuple[str, ...]:
     return there if len(there) < len(own) else ()
 
 
-def _longer_than_sensors(f: Finding, e: Evidence) -> bool:
-    """Whether a delay exceeds that of ordinary message periods and filters. The nuisance terms of sensors
-    take up part of a delay, so that the whole residual is compared, where the finding's force acts."""
-    if f.effect not in LIBRARY or not LIBRARY[f.effect].delay or f.force is None:
-        return True
-    rows = e.valid & (f.force != 0.0)
-    late = e.rerun("delay_all", e.rules.least_delay_s)[rows]
-    times = abs(float(e.residual[rows] @ late)) / max(float(late @ late), 1e-12)
-    return times > 1.0
-
-
 def _with_shares(e: Evidence, found: Sequence[Finding], budget: Budget) -> list[Finding]:
     """The findings with their shares of the squared speeds that result from all their forces."""
-    squares = [_adds_up(e, f.force, budget.horizon_s) if f.force is not None else 0.0 for f in found]
+    squares = [e.adds_up(f.force, budget.horizon_s) ** 2 if f.force is not None else 0.0 for f in found]
     total, out = sum(squares) or 1.0, []
     for f, x in zip(found, squares, strict=True):
         if f.share_of_error is None and budget.parts and f.force is not None:  # none between sensors
             f = replace(f, share_of_error=budget.share(f.family), share_ci90=budget.ends(f.family))
         out.append(replace(f, share_of_explainable_error=round(x / total, 3)))
     return out
-
-
-def _adds_up(e: Evidence, force: Array, horizon_s: float) -> float:
-    """Sum of the squared speeds, (m/s)^2, to which a force (n,), m/s^2, integrates over windows of
-    `horizon_s`."""
-    steps, counted = max(1, round(horizon_s / e.dt)), np.where(e.valid, force, 0.0)
-    starts = [k for s in e.drives for k in range(s.start, s.stop, steps)]
-    ends = [min(k + steps, s.stop) for s in e.drives for k in range(s.start, s.stop, steps)]
-    return sum(
-        float(np.sum((np.cumsum(counted[a:b]) * e.dt) ** 2)) for a, b in zip(starts, ends, strict=True)
-    )
 
 
 def names_behind(recordings: Sequence[Recording], missing: Sequence[NotRecorded]) -> dict[str, str]:

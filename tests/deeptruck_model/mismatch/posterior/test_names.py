@@ -13,7 +13,6 @@ import pytest
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.families import FAMILY, PARAMETER_ERRORS, ROOT, SLOW, UNKNOWN
 from deeptruck_model.mismatch.posterior.names import Explanation, Names, Tree, names
-from deeptruck_model.mismatch.residual.evidence import DriveRows
 from deeptruck_model.mismatch.residual.gather import REFIT_PARAMETERS
 from deeptruck_model.mismatch.rules import Rules
 
@@ -38,11 +37,9 @@ class Draws:
 
     @property
     def regression(self) -> Any:
-        drives = (DriveRows("a", 0, 3, 0.0, False),)
-        whole = SimpleNamespace(valid=np.ones(3, bool))
-        e = SimpleNamespace(known_physics=self.known_physics, dt=0.2, drives=drives)
-        e.everywhere, e.held_out = lambda: whole, np.zeros(3, bool)
-        return SimpleNamespace(reference=None, rules=RULES, e=e)
+        whole = SimpleNamespace(adds_up=lambda force, horizon_s: np.abs(force).max())
+        e = SimpleNamespace(known_physics=self.known_physics, everywhere=lambda: whole)
+        return SimpleNamespace(reference=None, rules=RULES, e=e, library=())
 
     def inside(self, name: str) -> np.ndarray:
         out = np.zeros(DRAWS, dtype=bool)
@@ -59,7 +56,7 @@ class Draws:
 
     def force(self, name: str, given: np.ndarray) -> np.ndarray:
         assert given.any()
-        return np.full(3, self.forces.get(name, 0.0))
+        return np.full(3, self.forces.get(name, 1.0))
 
 
 def of(shares: Mapping[str, slice], **more: Any) -> Names:
@@ -165,3 +162,8 @@ def test_a_credible_set_is_the_smallest_that_holds_its_mass() -> None:
 def test_every_name_that_can_be_found_has_a_family() -> None:
     assert set(LIBRARY) <= set(FAMILY)
     assert set(PARAMETER_ERRORS) == set(REFIT_PARAMETERS) <= set(FAMILY)
+
+
+def test_what_sensors_noise_adds_up_to_is_no_finding() -> None:
+    (found,) = of({LAG: slice(0, 90)}, forces={LAG: 0.04}).found
+    assert not found.accepted and of({LAG: slice(0, 90)}, forces={LAG: 0.06}).found[0].accepted
