@@ -33,6 +33,9 @@ from truck_bridge.safety import Safety, State
 from truck_bridge.vehicles import Transmitted, Vehicle
 
 TAKE_OVER = (0x7F000, 31)  # SPN that a maker may give a meaning, "condition exists": of the DM1 that we send
+WARNS_M_S2 = 3.0  # needed braking from which the driver is warned of a collision
+WARNS_S = 1.0  # for which a warning stays, at least: the period of a DM1
+COLLISION = "Collision warning: brake"
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,6 @@ class Status:
     state: str
     engaged: bool
     acts_alone: bool  # brakes, holds or fades by itself: neither controller nor driver commands
-    armed: bool
     address_claimed: bool
     reason: str
     warning: str
@@ -80,6 +82,7 @@ class Bridge:
         self._now = -math.inf
         self._would_send: dict[int, bytes] = {}
         self._warned, self._warn_at = "", -math.inf  # the lamp that our DM1 lit last, and when it is due
+        self._needed_at = -math.inf  # when a command needed more than WARNS_M_S2 last
 
     # -- the controller's side
 
@@ -105,11 +108,14 @@ class Bridge:
         engaged: bool,
         gap: tuple[float, float] = (math.nan, math.nan),
         hold_brake: float = math.nan,
+        hold_s: float = math.inf,
+        needed_braking: float = math.nan,
     ) -> bool:
         """Engine and brake command in the truck interface's units; also the controller's heartbeat.
 
         `gap`: m to the vehicle ahead, and needed behind it, for engaging. `hold_brake`: the brake command
-        that goes on to a standstill if control is lost after this call; NaN for none.
+        that the hazard ahead needs, NaN for none, assumed for `hold_s` from now: it goes on if control is
+        lost meanwhile. `needed_braking`: m/s^2; beyond WARNS_M_S2 the driver is warned.
 
         `engaged` is the bridge's engaged bit as the controller received it last. If it is still False a
         controller's time-out after control was engaged, the controller counts as lost and control fades.
@@ -117,8 +123,10 @@ class Bridge:
         fades too.
         """
         with self._lock:
-            goes_on = self.vehicle.demands(0.0, hold_brake)
-            return self.safety.command(self.vehicle.demands(engine, brake), engaged, now, gap, goes_on)
+            if needed_braking > WARNS_M_S2:
+                self._needed_at = now
+            demands, needs = self.vehicle.demands(engine, brake), self.vehicle.demands(0.0, hold_brake)
+            return self.safety.command(demands, engaged, now, gap, needs, hold_s)
 
     def engage(self, now: float, *, person: bool, lead_vehicle: bool) -> tuple[str, ...]:
         """Take control at a person's request. Returns the reasons why not; empty when engaged."""
@@ -139,16 +147,16 @@ class Bridge:
         with self._lock:
             self.safety.release(now, reason)
 
-    def fade(self, now: float, reason: str) -> None:
-        """Hand back gradually: something outside the bridge was lost."""
-        with self._lock:
-            self.safety.fade(now, reason)
-
     @property
     def engaged(self) -> bool:
         """Whether control is engaged; the controller gets this bit and returns it with each command."""
         with self._lock:
             return self.safety.state is State.ENGAGED
+
+    @property
+    def _warns_of_collision(self) -> bool:
+        """Whether what is ahead needs hard braking while control is engaged."""
+        return self.safety.state is State.ENGAGED and 0 <= self._now - self._needed_at <= WARNS_S
 
     @property
     def status(self) -> Status:
@@ -159,10 +167,9 @@ class Bridge:
                 safety.state.value,
                 safety.state is State.ENGAGED,
                 safety.controls_allowed and safety.state is not State.ENGAGED,
-                safety.state is not State.SILENT,
-                safety.linked,
+                self._connection.up(self._now),
                 safety.reason,
-                safety.warning,
+                safety.warning or (COLLISION if self._warns_of_collision else ""),
                 dict(safety.refusals),
                 dict(safety.losses),
                 self._connection.sent,
@@ -196,14 +203,6 @@ class Bridge:
         with self._lock:
             return self._signals.received_at(channel)
 
-    def next_due(self, now: float) -> float:
-        """When the next frame is due, monotonic s."""
-        return min(self._due.values(), default=now + 0.02)
-
-    def listen(self, timeout: float) -> None:
-        """Wait for a frame or for the timeout, s; the frame is taken by the next poll."""
-        self._connection.wait(timeout)
-
     def run(
         self,
         stop: threading.Event,
@@ -223,18 +222,18 @@ class Bridge:
             signals = self.poll(now)
             if on_signals is not None:
                 on_signals(signals, now)
-            self.listen(min(self.next_due(now) - time.monotonic(), 0.02))
-        self.release(time.monotonic(), "stopped")
-        while self.safety.state is State.RELEASING:
+            self._connection.wait(min(min(self._due.values()) - time.monotonic(), 0.02))
+        while self.safety.controls_allowed or self.safety.state is State.RELEASING:
+            self.release(time.monotonic(), "stopped")  # braking for a hazard goes on, until the truck stands
             self.poll(time.monotonic())
-            self.listen(0.005)
+            self._connection.wait(0.005)
         self.disarm(time.monotonic())
 
     def _rewind(self, back: float) -> None:
         """Correct for a clock that went back: shift the pending times back too, and forget all received
         signals."""
         self._due = {axis: due - back for axis, due in self._due.items()}
-        self._warn_at -= back
+        self._warn_at, self._needed_at = self._warn_at - back, self._needed_at - back
         self._connection.rewind(back)
         self._signals, self._faults = ReceivedSignals(self.vehicle), FaultWatch(self.vehicle)
 
@@ -255,12 +254,13 @@ class Bridge:
         for can_id, data in self._connection.claims(now):
             if self.safety.tx_hook(can_id, data, now):
                 self._send(can_id, data, now)
-        self.safety.link(self._connection.up(now))
+        on_any_address = self.safety.state is State.STOPPING  # whose braking matters more than the address
+        self.safety.link(self._connection.up(now) or (on_any_address and not self._connection.lost))
 
     def _warn(self, now: float) -> None:
-        """Say by DM1 that the driver must take over: each second, at once on a change, and its end."""
-        lamp = "amber_warning_lamp" if self.safety.warning else ""
-        lamp = "red_stop_lamp" if self.safety.state is State.STOPPING else lamp
+        """Say by DM1 that the driver must act: each second, at once on a change, and its end."""
+        urgent = self.safety.state is State.STOPPING or self._warns_of_collision
+        lamp = "red_stop_lamp" if urgent else "amber_warning_lamp" if self.safety.warning else ""
         due = lamp != self._warned or (lamp and now >= self._warn_at)
         data = diagnostics.frame(*TAKE_OVER, lamp)
         speaks = self.safety.linked and self.safety.state is not State.SILENT

@@ -9,7 +9,7 @@ import can
 
 from truck_bridge.j1939.address_claim import AddressClaim
 
-RETRY_S = 1.0  # between attempts to bring a lost bus back
+RETRY_S = 0.1  # between attempts to bring a lost bus back
 BURST = 2000  # frames taken at one time, so that a flood cannot starve the sender
 MOST_BURSTS = 100  # dropped at the start: half a minute of a full bus of 1 Mbit/s
 _BUS_OFF = 0x40  # SocketCAN error class
@@ -28,6 +28,7 @@ class BusConnection:
         self._claim = claim
         self._inbox: list[can.Message] = []
         self._retry_at: float | None = None  # when to try a lost bus again
+        self._off = False  # lost by an error frame: a controller that hears again is on the bus again
 
     def start(self, now: float) -> None:
         """Claim the address. Frames that waited in the bus are discarded: their values are old but would
@@ -83,7 +84,7 @@ class BusConnection:
     def _taken(self, now: float) -> list[can.Message]:
         messages, self._inbox = self._inbox, []
         try:
-            while self._bus is not None and not self.lost and len(messages) < BURST:
+            while self._bus is not None and (self._off or not self.lost) and len(messages) < BURST:
                 message = self._bus.recv(0)
                 if message is None:
                     break
@@ -92,6 +93,9 @@ class BusConnection:
             self._drop(now)
         if any(message.is_error_frame and message.arbitration_id & _BUS_OFF for message in messages):
             self._drop(now)
+            self._off = True
+        elif self._off and messages:
+            self._recover(now)
         return messages
 
     def claims(self, now: float) -> list[tuple[int, bytes]]:
@@ -110,7 +114,10 @@ class BusConnection:
             except _GONE:
                 self._bus = None
                 return
-        self._retry_at = None
+        self._recover(now)
+
+    def _recover(self, now: float) -> None:
+        self._retry_at, self._off = None, False
         self._claim.start(now)
 
     def send(self, can_id: int, data: bytes, now: float) -> bool:

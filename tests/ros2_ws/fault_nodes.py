@@ -129,10 +129,11 @@ def _ends(scene: Scene, since: float, within: float) -> Verdict:
 
 
 def _goes_on_braking(scene: Scene, since: float) -> bool:
-    """Whether the brake is beyond `holds_beyond` and never falls, as where the shield braked at the loss."""
-    held = [demand for at, demand in scene.demands("brake") if at >= since]
-    (least,) = (axis.holds_beyond for axis in scene.vehicle.table.axes if axis.name == "brake")
-    return len(held) > 0 and bool((np.diff(held) >= 0.0).all()) and held[0] > least
+    """Whether the brake goes on beyond `holds_beyond` and falls only by a fade, as for a known hazard."""
+    held = [demand for at, demand in scene.demands("brake") if at >= since and not math.isnan(demand)]
+    (axis,) = (axis for axis in scene.vehicle.table.axes if axis.name == "brake")
+    fall = 2 * axis.period_s * axis.limits.fade + axis.demand.scale
+    return len(held) > 0 and bool((np.diff(held) >= -fall).all()) and held[0] > axis.holds_beyond
 
 
 def killed(node: str) -> Callable[[Graph], Verdict]:

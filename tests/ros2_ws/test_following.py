@@ -137,3 +137,15 @@ def test_behind_a_leader_that_braked_it_says_how_to_go_on_braking_and_else_does_
     assert 28 <= first <= 32  # 3 s
     assert all(mild < hold <= full for _, hold in braked[: first + 1])  # and with the first that is none
     assert all(math.isnan(brake) and math.isnan(hold) for brake, hold in braked[first + 1 :])
+
+
+@pytest.mark.parametrize(("leader_speed", "named"), [(0.0, True), (5.0, False)])
+def test_rolling_out_ends_at_what_stands_and_not_at_what_drives(leader_speed: float, named: bool) -> None:
+    """0.4 m/s^2 are needed: less than a truck that rolls out has, until its engine idles."""
+    following = Following(load_controller("baseline:acc", load("trucksim").interface), 2.0, 3.0)
+    closing = 4.0
+    for k in range(20):
+        gap = 25.0 + closing * 0.1 * (19 - k)
+        seen = Observation((10 + k) * SECOND // 10, leader_speed + closing, gap, leader_speed, 0.0)
+        following.take(seen)
+    assert math.isfinite(following.hold_brake) == named

@@ -78,14 +78,9 @@ def test_publishing_rate_must_fit_the_step() -> None:
 def test_braking_for_a_hazard_goes_on_without_a_command_to_a_standstill(truck: simulators.Simulator) -> None:
     plant = Plant(truck, roads.parse("constant:grade=-0.02"), 20.0)
     for _ in range(10):
-        plant.step(0.0, 60.0)
-    for command in (
-        math.nan,
-        10.0,
-        80.0,
-        math.nan,
-    ):  # a weaker command changes nothing, a stronger one counts
-        plant.step(1000.0, command)
+        plant.step(0.0, 60.0, 40.0)
+    for command in (math.nan, 10.0, 80.0, math.nan):  # a weaker one changes nothing, a stronger one counts
+        plant.step(1000.0, command, 40.0)
         assert plant.stopping
     for _ in range(10):
         plant.step(math.nan, math.nan)
@@ -97,11 +92,26 @@ def test_braking_for_a_hazard_goes_on_without_a_command_to_a_standstill(truck: s
     assert not plant.stopping
 
 
-def test_ordinary_braking_ends_with_its_command(truck: simulators.Simulator) -> None:
+@pytest.mark.parametrize(("hazard", "seconds"), [((math.nan, math.inf), 2.0), ((40.0, 1.0), 3.0)])
+def test_braking_ends_with_its_command_or_with_the_hazard(
+    truck: simulators.Simulator, hazard: tuple[float, float], seconds: float
+) -> None:
     plant = Plant(truck, roads.parse("flat"), 20.0)
     for _ in range(10):
-        plant.step(0.0, 25.0)
-    for _ in range(20):
+        plant.step(0.0, 60.0, *hazard)
+    for _ in range(round((seconds - 1.1) * 10)):
+        plant.step(math.nan, math.nan)
+    assert plant.acceleration < -0.4
+    for _ in range(15):
         plant.step(math.nan, math.nan)
     assert not plant.stopping
     assert plant.acceleration > -0.4
+
+
+def test_a_command_that_names_no_hazard_is_obeyed_again(truck: simulators.Simulator) -> None:
+    plant = Plant(truck, roads.parse("flat"), 20.0)
+    plant.step(0.0, 60.0, 40.0)
+    plant.step(math.nan, math.nan)
+    assert plant.stopping
+    plant.step(1000.0, 0.0)
+    assert not plant.stopping

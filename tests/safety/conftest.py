@@ -19,6 +19,8 @@ from truck_bridge import vehicles
 from truck_bridge.safety import Axis, Heard, Safety, State, Table
 
 CYCLE = 0.005
+HARD = 1.6  # times `holds_beyond`: a demand that only a hazard asks for
+BRAKES_M_S2 = 3.0
 SANE = {
     "speed": 15.0,
     "second_speed": 15.0,
@@ -53,7 +55,8 @@ class Bench:
     counters: dict[str, int] = field(default_factory=dict)
     due: dict[str, float] = field(default_factory=dict)
     demands: dict[str, float] = field(default_factory=dict)
-    goes_on: dict[str, float] = field(default_factory=dict)  # demands to go on with if control is lost
+    needs: dict[str, float] = field(default_factory=dict)  # demands that the hazard ahead needs
+    assumed_s: float = math.inf
     engaged_bit: bool | None = None  # None: what the core says
     commanding: bool = True
     left: list[tuple[float, str, float]] = field(default_factory=list)  # time, axis, demand (NaN: released)
@@ -123,7 +126,7 @@ class Bench:
     def command(self) -> bool:
         demands = {axis.name: self.demands.get(axis.name, axis.rest) for axis in self.table.axes}
         bit = self.safety.controls_allowed if self.engaged_bit is None else self.engaged_bit
-        return self.safety.command(demands, bit, self.now, goes_on=self.goes_on)
+        return self.safety.command(demands, bit, self.now, needs=self.needs, assumed_s=self.assumed_s)
 
     def wait(self, seconds: float) -> None:
         """Let time pass: truck and controller send, the bridge does not."""
@@ -191,6 +194,35 @@ class Bench:
         self.arm()
         assert self.safety.engage(self.now, person=True, lead_vehicle=True) == ()
         return self
+
+    def hard(self, share: float = HARD) -> Bench:
+        """Another bench at 15 m/s, whose signals may jump, that brakes by a share of what only a hazard asks
+        for: for one that is known, where the share is above 1."""
+        bench = self.that_may_jump()
+        bench.signals["speed"] = 15.0
+        bench.engage(engine=20.0).run(1.0)
+        bench.demands = {"brake": share * bench.axis("brake").holds_beyond}
+        bench.needs = bench.demands if share > 1.0 else {}
+        bench.slows(1.5)
+        assert bench.safety.state is State.ENGAGED
+        bench.left.clear()
+        return bench
+
+    def slows(self, seconds: float) -> None:
+        """Let the truck brake for so long; the other signals follow its speed."""
+        for _ in range(round(seconds / 0.1)):
+            self.signals["speed"] = max(self.signals["speed"] - 0.1 * BRAKES_M_S2, 0.0)
+            self.run(0.1)
+
+    def standing(self) -> Bench:
+        """Another bench, which stands behind a standing leader, engaged, with a little brake."""
+        bench = self.that_may_jump()
+        bench.signals |= {"speed": 0.0, "driveline": 0.0}
+        return bench.engage(brake=0.3 * bench.axis("brake").holds_beyond).run(1.0)
+
+    def brake_demands(self) -> list[float]:
+        """Those on the wire, absolute, a release counting as none."""
+        return [0.0 if math.isnan(d) else abs(d) for _, axis, d in self.left if axis == "brake"]
 
     def demand(self, name: str) -> float:
         """Last demand on the wire."""

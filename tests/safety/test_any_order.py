@@ -30,7 +30,8 @@ class World(RuleBasedStateMachine):
     def set_up(self):
         self.bench = type(self).new_bench(self.name)
         self.bench.signals["speed"] = 15.0
-        self.engagements = 0
+        self.engagements, self.stopping = 0, False
+        self.held = {}
         self.last = {axis.name: (0.0, -math.inf) for axis in self.bench.table.axes}
 
     def watch(self):
@@ -68,10 +69,10 @@ class World(RuleBasedStateMachine):
         before = self.bench.safety.state
         why = self.bench.safety.engage(self.bench.now, person, lead)
         if not why:
-            assert (person, lead, before) == (True, True, State.STANDBY)
+            assert (person, lead) == (True, True) and before in (State.STANDBY, State.HOLDING)
             self.engagements += 1
-            start = self.bench.value("engine_percent")
-            self.last["engine"] = (start, self.bench.now)
+            if before is State.STANDBY:
+                self.last["engine"] = (self.bench.value("engine_percent"), self.bench.now)
 
     @rule(
         axis=st.sampled_from(["engine", "retarder", "brake"]),
@@ -81,6 +82,23 @@ class World(RuleBasedStateMachine):
         limits = self.bench.axis(axis).limits
         edge = min(limits.low) if max(limits.high) == 0 else max(limits.high)
         self.bench.demands = {axis: share * edge}
+
+    @rule(
+        share=st.sampled_from([0.0, 0.1, 0.5, 1.0, 1.01, -0.5, math.nan]),
+        seconds=st.sampled_from([0.0, 0.5, 5.0, math.inf]),
+    )
+    def controller_names_a_hazard(self, share, seconds):
+        limits = self.bench.axis("brake").limits
+        edge = min(limits.low) if max(limits.high) == 0 else max(limits.high)
+        self.bench.needs, self.bench.assumed_s = {"brake": share * edge}, seconds
+
+    @rule()
+    def somebody_releases(self):
+        before, moves = self.bench.safety.state, self.bench.safety._moves
+        self.bench.safety.release(self.bench.now)
+        goes_on = before is State.STOPPING and moves
+        assert self.bench.safety.state not in (State.ENGAGED, State.FADING)
+        assert self.bench.safety.state is State.STOPPING or not goes_on
 
     @rule(on=st.booleans())
     def controller_lives(self, on):
@@ -139,10 +157,19 @@ class World(RuleBasedStateMachine):
         if not hasattr(self, "bench"):
             return
         safety = self.bench.safety
-        assert safety.controls_allowed == (safety.state in (State.ENGAGED, State.FADING))
-        assert sum(safety.losses.values()) <= self.engagements + safety.losses["link lost"]
-        if safety.state in (State.FADING, State.RELEASING):
+        outside = (State.SILENT, State.STANDBY, State.RELEASING)
+        assert safety.controls_allowed == (safety.state not in outside)
+        assert sum(safety.losses.values()) <= self.engagements
+        if safety.state not in (State.SILENT, State.STANDBY, State.ENGAGED):
             assert safety.warning
+        if safety.state is State.STOPPING:
+            assert not safety._moves or safety._hold.knows(self.bench.now) or self.bench.now > safety._now
+            least = {axis: abs(demand) for axis, demand in safety._hold.demands.items()}
+            assert all(least[axis] >= held - 1e-9 for axis, held in self.held.items() if self.stopping)
+        self.stopping, self.held = (
+            safety.state is State.STOPPING,
+            {axis: abs(demand) for axis, demand in safety._hold.demands.items()},
+        )
 
 
 @pytest.mark.parametrize("name", ["trucksim", "volvo"])

@@ -61,7 +61,8 @@ def test_engagement_needs_every_message(bench):
 
 
 def test_engagement_is_refused_while_the_driver_acts_or_the_truck_forbids(bench):
-    for kind, pairs in (("driver", bench.table.override), ("truck", bench.table.forbidden)):
+    acts = [(act.name, act.least) for act in bench.table.override]
+    for kind, pairs in (("driver", acts), ("truck", bench.table.forbidden)):
         for name, level in pairs:
             later = type(bench)(bench.table, type(bench.safety)(bench.table))
             later.signals[name] = level

@@ -396,16 +396,6 @@ def test_a_second_sender_that_the_table_names_is_none(bench):
     assert (ears.value("a"), ears.value("c"), ears.seconds(1.0)) == (10.0, 20.0, [])
 
 
-def test_driver_signals_count_at_their_threshold_and_unheard_ones_never(bench):
-    message = Heard("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 0, 250),))
-    ears = Hearing(table(bench, (message,), override=(("a", 10.0), ("never", 0.0))), Counter())
-    assert ears.driver_acts() == []
-    ears.take(ID, frame(a=9), 1.0)
-    assert ears.driver_acts() == []
-    ears.take(ID, frame(a=10), 1.1)
-    assert ears.driver_acts() == ["a"]
-
-
 def test_forbidding_signals_count_at_their_value_only_and_unheard_ones_never(bench):
     message = Heard("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 0, 250),))
     ears = Hearing(table(bench, (message,), forbidden=(("a", 2.0), ("never", 0.0))), Counter())

@@ -225,6 +225,7 @@ def test_the_envelope_follows_the_speed_no_faster_than_a_truck(bench, vehicle):
     bench = bench.that_may_jump()
     bench.signals |= {"speed": 5.0, "driveline": 0.0, "engine_percent": 0.0}
     _, points, _rate, *_ = REQUIREMENTS[vehicle]["brake"]
+    bench.needs = {"brake": points[0][1]}
     bench.engage(brake=points[0][1]).run(4.0)
     assert bench.demand("brake") == pytest.approx(points[0][1])
     bench.signals["speed"] = 25.0

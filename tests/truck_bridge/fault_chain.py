@@ -234,6 +234,8 @@ class Chain:
                 engaged=command[2],
                 gap=gap,
                 hold_brake=self.following.hold_brake,
+                hold_s=self.following.hold_s,
+                needed_braking=self.following.needed_braking,
             )
 
     def braking_fully(self, fails: Callable[[float], dict[str, float]] | None = None) -> Stop:

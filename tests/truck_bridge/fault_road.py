@@ -295,7 +295,7 @@ class Run:
                 chain.truck.driver.brake_pedal = d.size
 
     def _note(self) -> None:
-        """When and why control ends, and for how long it is kept on a false speed."""
+        """When and why control is lost, and for how long it is kept on a false speed."""
         chain, holds = self.chain, self.chain.state == "engaged"
         if self.engaged and not holds and math.isnan(self.ended):
             self.ended, self.gained = chain.now, chain.truck.speed - self.start

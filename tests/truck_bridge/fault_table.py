@@ -360,7 +360,7 @@ UNSEEN: dict[str, str] = {
         ("gap scale", "radar scale", "gap other", "radar other", "gap offset", "radar offset"),
         "nearer it is a vehicle that cuts in",
     ),
-    "gap drift": "a range that closes in faster than the speeds say is believed",
+    "gap drift": "a range that closes in faster than the speeds say is assumed",
     **dict.fromkeys(
         ("leader_speed drift", "leader_speed scale", "leader_speed other", "leader_speed value"),
         "it is a leader that brakes, until range and speeds differ by 2 m",

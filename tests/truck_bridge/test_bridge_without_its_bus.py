@@ -8,6 +8,7 @@ import can
 import pytest
 from bridge_world import RESEARCH, SIGNED, in_units
 
+from truck_bridge.bus_connection import RETRY_S
 from truck_bridge.j1939.address_claim import name as j1939_name
 
 
@@ -96,6 +97,6 @@ def test_a_bus_that_stays_away_is_tried_again_and_again(world):
     w.bridge._connection.reopen = reopen
     w.engage(500.0)
     w.ours.shutdown()
-    w.run(4.5, engine=500.0)
+    w.run(4.5 * RETRY_S, engine=500.0)
     assert len(tries) == 4
     assert not w.bridge.status.address_claimed

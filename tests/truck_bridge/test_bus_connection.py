@@ -45,18 +45,31 @@ def test_a_flood_is_taken_in_bursts(connection, buses):
     assert len(connection.hear(0.0)) == 10
 
 
-def test_bus_off_is_silence_until_the_next_try(connection, buses):
+@pytest.mark.parametrize("hears", [True, False])
+def test_bus_off_is_silence_until_a_frame_is_heard_or_the_next_try(connection, buses, hears):
     connection.start(0.0)
     assert connection.claims(0.0) == [(CLAIM, name(1))]
     assert connection.up(0.3)
     buses[1].send(frame(arbitration_id=0x40, is_error_frame=True, is_extended_id=False))
     assert connection.hear(0.4) == []
-    assert (connection.lost, connection.up(0.5)) == (True, False)
-    buses[1].send(frame())
-    assert connection.hear(0.5) == []
-    assert connection.claims(0.4 + RETRY_S - 0.01) == []
-    assert connection.claims(0.4 + RETRY_S) == [(CLAIM, name(1))]
-    assert (connection.lost, connection.up(1.5), connection.up(1.7)) == (False, False, True)
+    assert (connection.lost, connection.up(0.4)) == (True, False)
+    assert connection.claims(0.4) == []
+    if hears:
+        buses[1].send(frame())
+        assert connection.hear(0.41) == [(0x0CF00400, bytes(8))]
+        assert connection.claims(0.41) == [(CLAIM, name(1))]
+    else:
+        assert connection.claims(0.4 + RETRY_S - 0.01) == []
+        assert connection.claims(0.4 + RETRY_S) == [(CLAIM, name(1))]
+    assert (connection.lost, connection.up(0.55)) == (False, True)
+
+
+def test_an_unplugged_bus_is_not_heard(connection, buses):
+    connection.start(0.0)
+    buses[0].shutdown()
+    assert not connection.send(CLAIM, bytes(8), 0.3)
+    assert connection.hear(0.31) == []
+    assert connection.lost
 
 
 def test_a_bus_that_is_off_at_the_start_is_claimed_by_the_next_try(connection, buses):

@@ -6,9 +6,12 @@ import itertools
 import math
 from importlib import resources
 
+import numpy as np
 import pytest
 import yaml
 
+from deeptruck_core.signals import SPEED
+from deeptruck_model.simulators import load as load_truck
 from truck_bridge import vehicles
 from truck_bridge.errors import InputError
 
@@ -185,8 +188,8 @@ def test_brakes_may_only_limit(vehicle):
             "follows: nothing commands 'motor'",
         ),
         (put("timing", {"stall": math.nan}), "nan is not of type 'number'"),
-        (put("timing", {"controller_timeout": 60}), "greater than the maximum of 0.5"),
-        (put("timing", {"handover_scale": 0.05}), "make it flatter or rate and fade larger"),
+        (put("timing", {"controller_timeout": 60}), "greater than the maximum of 0.75"),
+        (put("timing", {"handover_scale": 0.1}), "make it flatter or rate and fade larger"),
         (put("dbc", ["gone.dbc"]), "cannot read"),
         (put("faults", {"lamps": ["red_lamp"]}), "'red_lamp' is not one of ['protect_lamp', "),
     ],
@@ -222,3 +225,20 @@ def test_no_such_vehicle_and_no_yaml(tmp_path):
 def test_a_user_can_change_a_vehicle(tmp_path):
     path = edited(tmp_path, put("timing", {"controller_timeout": 0.1}))
     assert vehicles.load(path).table.timing.controller_timeout == 0.1
+
+
+@pytest.mark.parametrize(
+    ("name", "load_factor", "braking"),
+    [("trucksim", 1.0, 5.2), ("volvo", 1.0, 6.0), ("freightliner", 1.0, 7.1), ("freightliner", 2.0, 5.2)],
+)
+def test_the_full_demand_brakes_as_the_page_says(name, load_factor, braking):
+    """docs/safety_core.md; from 20 to 1 m/s on the level, the hardest step."""
+    truck, high = load_truck(f"truck:{name}"), vehicles.load(name).brake_limit
+    truck = truck.with_parameters({"mass": load_factor * truck.parameters()["mass"]})
+    start = np.zeros((1, len(truck.interface.y)))
+    start[0, SPEED] = 20.0
+    state, speeds = truck.reset(start), [20.0]
+    while speeds[-1] > 1.0:
+        state, y = truck.step(state, np.array([[0.0, high]]), np.zeros((1, len(truck.interface.w))))
+        speeds.append(float(y[0, SPEED]))
+    assert -np.diff(speeds).min() / truck.dt == pytest.approx(braking, abs=0.06)

@@ -173,9 +173,9 @@ class _Replay:
             found.obstacles.update(obstacles)
         else:
             safety.engage(self._now, person=True, lead_vehicle=True)
-        for name, least in self._override:
-            if safety.hearing.value(name) >= least:
-                found.driver_s[name] += STEP_S  # type: ignore[assignment]
+        for act in self._override:
+            if safety.hearing.value(act.name) >= act.least:
+                found.driver_s[act.name] += STEP_S  # type: ignore[assignment]
 
 
 def lines(found: Checked) -> Iterator[str]:

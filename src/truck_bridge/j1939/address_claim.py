@@ -1,5 +1,5 @@
 """Address claim (SAE J1939-81): 250 ms unopposed, and contention by NAME. The loser sends only cannot-claim.
-Time is an argument.
+An address of 0 to 127 or 248 to 253 that was ours is claimed again without the wait. Time is an argument.
 """
 
 from __future__ import annotations
@@ -38,17 +38,18 @@ class AddressClaim:
 
     def start(self, now: float) -> None:
         """Announce the address; also after a bus interruption."""
-        self._started, self._held, self.lost, self._pending = now, False, False, [True]
+        waits = 128 <= self._address <= 247
+        self._started, self._held, self.lost, self._pending = now, self._held and not waits, False, [True]
 
     def stop(self) -> None:
         """Give the address up without sending a message."""
-        self._started, self._held, self._pending = None, False, []
+        self._started, self._pending = None, []
 
     def claimed(self, now: float) -> bool:
         """Whether the claim was unopposed for 250 ms, and has not been lost since."""
         if self._started is not None and now - self._started >= UNOPPOSED_S:
             self._held = True
-        return self._held and not self.lost
+        return self._held and self._started is not None and not self.lost
 
     def hear(self, can_id: int, data: bytes, now: float) -> None:
         """Process contention and requests. Within 250 ms of our claim, our own NAME is taken as an echo;

@@ -11,6 +11,7 @@ from truck_bridge.safety.tables import (
     Limits,
     Measured,
     Obeyed,
+    Override,
     Table,
     Timing,
 )
@@ -25,6 +26,7 @@ __all__ = [
     "Limits",
     "Measured",
     "Obeyed",
+    "Override",
     "Safety",
     "State",
     "Table",

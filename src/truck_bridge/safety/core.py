@@ -3,7 +3,8 @@
 The promise. No frame leaves unless it is on the vehicle's list, well formed and within the limits of value,
 rate and jerk at the present speed, and a person has engaged control on fresh, plausible signals. When the
 driver acts, control is handed back within one cycle. When anything control depends on is lost, demands fade
-without a step; braking for a hazard goes on to a standstill. Control stays lost until a person engages again.
+without a step. Whoever takes control away, braking that a known hazard needs goes on until the hazard is no
+longer assumed, or the driver takes over. Control stays lost until a person engages again.
 
 Pure: no clock, no input or output; time (monotonic seconds) is an argument and frames come and go as integers
 and bytes.
@@ -18,7 +19,7 @@ from enum import Enum
 
 from truck_bridge.safety.checks import checksum_ok, counter_ok
 from truck_bridge.safety.demands import Demands
-from truck_bridge.safety.ending import STANDS_M_S, BrakeHold
+from truck_bridge.safety.ending import SLOW_M_S, STANDS_M_S, BrakeHold
 from truck_bridge.safety.hearing import Hearing
 from truck_bridge.safety.motion import Motion
 from truck_bridge.safety.tables import SIGNED, Axis, Table
@@ -45,6 +46,7 @@ BRAKED = (State.HOLDING, State.STOPPING)
 IN_CONTROL = (State.ENGAGED, *BRAKED, State.FADING)
 TWIN = "another node uses our address"
 STANDS = "Standing: engage to drive off, or take over"
+CUT_OFF = "Take over: no brake demand reaches the truck (link lost)"
 
 
 class Safety:
@@ -64,13 +66,12 @@ class Safety:
         self._motions = {axis.can_id: Motion(axis) for axis in self.table.axes}
         self._hold = BrakeHold({axis.name: axis.holds_beyond for axis in self.table.axes if axis.brakes})
         self._demands: dict[str, float] = {}
-        self._goes_on: dict[str, float] = {}  # with which a loss of the controller goes on
+        self._pressed: dict[str, tuple[float, float]] = {}  # first and last of a signal's firm frames
         self._commanded = -math.inf
         self._gap = (math.nan, math.nan)  # to the vehicle ahead and needed, m
-        self._link = True
-        self._now = self._engaged_at = self._faded_at = self._seen_at = self._moved_at = (
-            self._twin
-        ) = -math.inf
+        self.linked, self._moves = True, True  # bus and address are ours
+        self._now = self._engaged_at = self._faded_at = self._moved_at = -math.inf
+        self._twin = self._cut_off = -math.inf
 
     def _listen(self) -> None:
         """Anew: nothing heard yet."""
@@ -83,11 +84,6 @@ class Safety:
     def controls_allowed(self) -> bool:
         """The one bit: demands may leave."""
         return self.state in IN_CONTROL
-
-    @property
-    def linked(self) -> bool:
-        """Bus and address are ours."""
-        return self._link
 
     def arm(self, now: float) -> None:
         """From silent to standby: the address may be claimed and signals are heard; no demand leaves."""
@@ -107,30 +103,28 @@ class Safety:
         engaged: bool,
         now: float,
         gap: tuple[float, float] = (math.nan, math.nan),
-        goes_on: Mapping[str, float] | None = None,
+        needs: Mapping[str, float] | None = None,
+        assumed_s: float = math.inf,
     ) -> bool:
         """Take one demand per axis, in the axis's unit; each call is also the controller's heartbeat.
 
-        `gap`: m to the vehicle ahead, and needed behind it; NaN where the controller does not say. `goes_on`:
-        demands of braking axes that what is ahead needs should control be lost after this call.
-
-        `engaged` is the bridge's engaged bit as the controller received it last; False for too long
-        is a loss. A demand that is NaN, missing or outside the envelope is refused: the result is False and
-        control fades.
+        `engaged` is the bridge's engaged bit as the controller received it last; False for too long is a
+        loss. `gap`: m to the vehicle ahead, and needed behind it; NaN where the controller does not say.
+        `needs`: demands of braking axes that the hazard ahead needs, assumed for `assumed_s` from now; they
+        go on should control end. A demand that is NaN, missing or outside the envelope is refused: the result
+        is False, control fades, and what was said of a hazard before still holds.
         """
-        brakes = {axis.name: axis.limits for axis in self.table.axes if axis.brakes}
-        self._goes_on = {
-            name: demand
-            for name, demand in (goes_on or {}).items()
-            if name in brakes and min(brakes[name].low) <= demand <= max(brakes[name].high)
-        }
-        for axis in self.table.axes:
-            demand = demands.get(axis.name, math.nan)
-            if not min(axis.limits.low) <= demand <= max(axis.limits.high):
-                self.refusals[f"command {'not a number' if math.isnan(demand) else 'outside envelope'}"] += 1
-                self.fade(now, "command refused")
-                self._demands = {}
-                return False
+        axes, needs = self.table.axes, needs or {}
+        refused = [asked for axis in axes if not axis.takes(asked := demands.get(axis.name, math.nan))]
+        sane = (axis.name for axis in axes if axis.brakes and axis.takes(needs.get(axis.name, math.nan)))
+        hazard = {name: needs[name] for name in sane}
+        if any(hazard.values()) or not refused:
+            self._hold.know(hazard, now + min(assumed_s, self.table.timing.assumed))
+        if refused:
+            self.refusals[f"command {'not a number' if math.isnan(refused[0]) else 'outside envelope'}"] += 1
+            self.fade(now, "command refused")
+            self._demands = {}
+            return False
         self._demands, self._commanded, self._gap = dict(demands), now, gap
         if not engaged and now > self._engaged_at + self.table.timing.controller_timeout:
             self.fade(now, "controller not engaged")
@@ -156,12 +150,12 @@ class Safety:
         table, hearing = self.table, self.hearing
         ready = self.state in (State.STANDBY, State.HOLDING)
         found = [] if ready else [f"not in standby but {self.state.value}"]
-        if not self._link:
+        if not self.linked:
             found.append("no bus or no address")
         if not self._demands or now - self._commanded > table.timing.controller_timeout:
             found.append("no fresh command")
         found += [f"{name} not fresh" for name in hearing.stale(now)]
-        found += [f"driver: {name}" for name in hearing.driver_acts()]
+        found += [f"driver: {act.name}" for act in table.override if hearing.value(act.name) >= act.least]
         found += [f"truck: {name}" for name in hearing.forbids()]
         found += [f"implausible: {doubt}" for doubt in hearing.doubts(now, {})]
         found += hearing.seconds(now)
@@ -178,35 +172,73 @@ class Safety:
             found.append(f"speed outside {low:g}..{high:g} m/s")
         return tuple(found)
 
+    # the end of control
+
     def release(self, now: float, reason: str = "released") -> None:
-        """Hand back at once: release frames on every axis, then silence."""
-        if self.controls_allowed:
-            self._lose(reason)
-            self._let_go()
+        """A person who is not the driver takes control away: release frames on every axis, then silence."""
+        if self.state in BRAKED and not self._moves:
+            self._let_go(reason)
+        else:
+            self._end(reason, now, State.RELEASING)
 
     def fade(self, now: float, reason: str) -> None:
-        """Control cannot go on, for a cause in the core or outside: roll out, or go on braking."""
-        if self.state is not State.ENGAGED:
-            return
-        self._lose(reason)
-        if self._hold.begin(self._on_the_wire, self._demands, asked=self._goes_on):
-            self._go_on_braking(now)
-        else:
-            self.state, self._faded_at = State.FADING, now
+        """Control cannot go on, for a cause in the core or outside."""
+        if self.state is State.ENGAGED:
+            self._end(reason, now, State.FADING)
 
-    def _go_on_braking(self, now: float) -> None:
-        self.state, self._seen_at = State.STOPPING, now
-        self.warning = f"Take over: braking to a standstill ({self.reason})"
+    def link(self, up: bool) -> None:
+        """Bus off, interface unplugged, address lost (False), or all of them well again (True).
+
+        Without a link nothing can be sent. One that returns re-engages nothing.
+        """
+        if self.linked and not up:
+            self._cut_off = self._now
+            self._end("link lost", self._now, State.STANDBY)
+        self.linked = up
+        if self.state in BRAKED:
+            self._warn_braked()
+
+    def _end(self, reason: str, now: float, otherwise: State) -> None:
+        """Control is lost, whoever says so but the driver: braking that a known hazard needs goes on, as does
+        what brakes or holds the truck already; from other driving the core goes to the state `otherwise`.
+        """
+        if self.state in (State.ENGAGED, State.FADING):
+            self._lose(reason)
+            self.state, self._faded_at = otherwise, now
+            if self._hold.knows(now):
+                self._go_on_braking()
+
+    def _let_go(self, reason: str) -> None:
+        """By the driver, or a standing truck by a person: at once."""
+        if self.controls_allowed:
+            self._lose(reason)
+            self.state = State.RELEASING
+
+    def _lose(self, reason: str) -> None:
+        if self.state in (State.ENGAGED, State.HOLDING):
+            self.losses[reason] += 1
+        self.reason = reason
+        self.warning = f"Take over: control was handed back ({reason})"
+
+    def _go_on_braking(self) -> None:
+        self._hold.begin(self._on_the_wire, self._demands)
+        self.state = State.STOPPING
+        self._warn_braked()
         for motion in self._motions.values():
             motion.slew = 0.0
 
     def _stand(self, now: float) -> None:
         """Hold a truck that has stood for so long that its driver is asked (ISO 15622)."""
-        if not self._speed < STANDS_M_S:
+        if self._moves:
             self._moved_at = now
-        if self.state is State.ENGAGED and now - self._moved_at >= self.table.timing.stands:
+        elif self.state is State.ENGAGED and now - self._moved_at >= self.table.timing.stands:
             self._hold.hold(self._on_the_wire)
-            self.state, self.warning = State.HOLDING, STANDS
+            self.state = State.HOLDING
+            self._warn_braked()
+
+    def _warn_braked(self) -> None:
+        braking = f"Take over: braking to a standstill ({self.reason})"
+        self.warning = CUT_OFF if not self.linked else braking if self.state is State.STOPPING else STANDS
 
     def _fresh(self, now: float) -> dict[str, float]:
         """The demands of a controller that is alive."""
@@ -216,67 +248,49 @@ class Safety:
     def _on_the_wire(self) -> dict[str, float]:
         return {motion.axis.name: motion.value for motion in self._motions.values()}
 
-    def link(self, up: bool) -> None:
-        """Bus off, interface unplugged, address lost (False), or all of them well again (True).
-
-        Without a link no release can be sent, so control is handed back at once; a link that returns
-        re-engages nothing.
-        """
-        if not up and self.state in (*IN_CONTROL, State.RELEASING):
-            self._lose("link lost")
-            self.state = State.STANDBY
-        self._link = up
-
-    def _lose(self, reason: str) -> None:
-        self.losses[reason] += 1
-        self.reason = reason
-        self.warning = f"Take over: control was handed back ({reason})"
-
-    def _let_go(self) -> None:
-        self.state = State.RELEASING
-
     # time
 
     def tick(self, now: float) -> None:
         """Time passes. Call it at least every 20 ms while engaged; a longer pause is answered like a loss."""
-        gap, self._now = now - self._now, now
-        if gap < 0:
-            self._rewind(now)
-        elif gap > self.table.timing.stall:
-            self.fade(now, "stalled")
-            if self.state is State.FADING:
-                self._let_go()  # the truck has timed out
+        passed, self._now, timing = now - self._now, now, self.table.timing
+        if not 0 <= passed <= timing.stall:
+            self._hold.shift(passed)
+        if passed < 0:
+            self._rewind(now, passed)
+        elif passed > timing.stall:
+            self._end("stalled", now, State.RELEASING)  # the truck has timed out
         for reason in self.others.broken_off(now):
             self.fade(now, reason)
+        if not math.isnan(self._speed):
+            self._moves = self._speed >= STANDS_M_S
         if self.state is State.ENGAGED:
             self._watch(now)
             self._stand(now)
-        if self.state is State.STOPPING and self._is_blind(now):
+        if self.state is State.FADING and self._hold.knows(now):
+            self._go_on_braking()  # for a hazard that a controller that is alive has seen since
+        rolls = self._moves and not self._speed < SLOW_M_S
+        if self.state is State.STOPPING and rolls and not self._hold.knows(now):
+            self._lose(self.reason)
             self.state, self._faded_at = State.FADING, now
-        alive = self.state is State.FADING and not self._is_blind(now) and self._fresh(now)
-        if alive and self._hold.begin(alive, asked=self._goes_on):
-            self._go_on_braking(now)
         if self.state is State.FADING:
             resting = all(motion.at_rest for motion in self._motions.values())
-            if resting or now - self._faded_at > self.table.timing.fade_longest:
-                self._let_go()
-        if self.state is State.RELEASING:
-            enough = self.table.timing.releases
-            if all(motion.releases >= enough for motion in self._motions.values()):
-                self.state = State.STANDBY
+            if resting or now - self._faded_at > timing.fade_longest:
+                self.state = State.RELEASING
+        enough = all(motion.releases >= timing.releases for motion in self._motions.values())
+        ended = self.state is State.RELEASING and (enough or not self.linked)
+        cut_off = self.state in BRAKED and not self.linked and now - self._cut_off > timing.outage
+        if ended or cut_off:
+            self.state = State.STANDBY
 
-    def _rewind(self, now: float) -> None:
+    def _rewind(self, now: float, passed: float) -> None:
         """The clock went back: nothing heard or sent has a meaningful age any more."""
-        self.release(now, "clock went back")
+        self._end("clock went back", now, State.RELEASING)
         self._listen()
+        self._pressed.clear()
         self._commanded = -math.inf
+        self._cut_off += passed
         for motion in self._motions.values():
             motion.time = now - motion.axis.period_s
-
-    def _is_blind(self, now: float) -> bool:
-        """Whether no speed has been heard for so long that the truck stands, if its brakes brake."""
-        self._seen_at = max(self._seen_at, self.hearing.received("speed"))
-        return now - self._seen_at > self.table.timing.blind
 
     def _watch(self, now: float) -> None:
         """While engaged: everything control depends on. The first cause found is the one reported."""
@@ -284,10 +298,11 @@ class Safety:
             self.fade(now, "controller lost")
         for name in self.hearing.stale(now):
             self.fade(now, f"{name} stale")
-        for name in self.hearing.forbids():
-            self.fade(now, f"truck: {name}")
-        for doubt in self.hearing.lasting(self.hearing.doubts(now, self._on_the_wire), now):
-            self.fade(now, f"implausible: {doubt}")
+        doubts = self.hearing.doubts(now, self._on_the_wire)
+        wrong = {f"truck: {name}": self.table.timing.persist for name in self.hearing.forbids()}
+        wrong |= {f"implausible: {doubt}": may_last for doubt, may_last in doubts.items()}
+        for reason in self.hearing.lasting(wrong, now):
+            self.fade(now, reason)
 
     @property
     def _speed(self) -> float:
@@ -306,13 +321,32 @@ class Safety:
                 self.refusals[TWIN] += 1
                 if self.state is State.STANDBY:
                     self.warning = f"Do not engage: {TWIN}"
-                self.release(now, TWIN)
+                self._end(TWIN, now, State.RELEASING)
         elif demanded := self.others.take(can_id, data, now):
             self.fade(now, demanded)
         if message := self.hearing.take(can_id, data, now):
             self.fade(now, message)
-        for name in self.hearing.driver_acts():
-            self.release(now, f"driver: {name}")
+        self._hear_driver(now)
+
+    def _hear_driver(self, now: float) -> None:
+        """A driver who acts takes over at once. Where a hazard is braked for hard, who means it does; who
+        brakes then takes over by lifting the foot, and until then the brakes give the greater of both.
+        """
+        known = self._moves and self._hold.knows(now)
+        hard = known and self._hold.is_hard(self._on_the_wire, self._demands)
+        for act in self.table.override:
+            value, heard = self.hearing.value(act.name), act.name in self.hearing.accepted
+            first, last = self._pressed.get(act.name, (now, now))
+            pressed = heard and value >= act.firm
+            if pressed:
+                self._pressed[act.name] = first, (last := now)
+            elif heard:
+                self._pressed.pop(act.name, None)
+            lasts = heard and last - first >= act.held_s
+            if hard and lasts and pressed and act.brakes:
+                self._end(f"driver: {act.name}", now, State.RELEASING)
+            elif lasts if hard else value >= act.least:
+                self._let_go(f"driver: {act.name}")
 
     # frames out
 
@@ -369,7 +403,7 @@ class Safety:
         axis, word = motion.axis, int.from_bytes(data, "little")
         if len(data) != 8:
             return "length"
-        if not self._link:
+        if not self.linked:
             return "no link"
         if not checksum_ok(axis.check, axis.can_id, word):
             return "checksum"

@@ -133,10 +133,6 @@ class Hearing:
         """Last valid value of a signal. NaN before the first, so that every comparison with it is False."""
         return self._values.get(name, NEVER)[0]
 
-    def received(self, name: str) -> float:
-        """When the last valid value of a signal was received; -inf before the first."""
-        return self._values.get(name, NEVER)[1]
-
     def stale(self, now: float) -> list[str]:
         """Messages with a signal whose last valid value is older than the message's time-out."""
         return [
@@ -146,10 +142,6 @@ class Hearing:
                 now - self._values.get(signal.name, NEVER)[1] > heard.timeout_s for signal in heard.signals
             )
         ]
-
-    def driver_acts(self) -> list[str]:
-        """Driver signals at or above their threshold."""
-        return [name for name, least in self._table.override if self.value(name) >= least]
 
     def forbids(self) -> list[str]:
         """Truck signals at a value that forbids control."""
@@ -228,7 +220,7 @@ class Hearing:
         return self.value("driveline") == 1 and not self._shifting(now) and self.value("lockup") != 0
 
     def lasting(self, doubts: Mapping[str, float], now: float) -> list[str]:
-        """Doubts that have lasted for longer than a gear change, a jolt or an actuator explains."""
+        """Which of these have lasted for so long, s, as they may; each is tested at every turn."""
         self._doubtful = {doubt: self._doubtful.get(doubt, now) for doubt in doubts}
         return [doubt for doubt, since in self._doubtful.items() if now - since >= doubts[doubt]]
 

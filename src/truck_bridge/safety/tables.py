@@ -61,12 +61,16 @@ class Axis:
     rest: float = 0.0  # the demand that asks for nothing
     idle_at_rest: bool = False  # rest is sent as the release frame (XBR of 0 would hold the speed)
     start_from: str = ""  # heard signal (same unit) where the demand starts at engagement
-    holds_beyond: float = math.inf  # signed demand beyond which a loss of control goes on braking
+    holds_beyond: float = math.inf  # signed demand beyond which only a hazard is braked for
 
     @property
     def brakes(self) -> bool:
         """Whether its demands slow the truck: all but those on the engine."""
         return self.name != "engine"
+
+    def takes(self, demand: float) -> bool:
+        """Whether a demand lies in the envelope of some speed."""
+        return min(self.limits.low) <= demand <= max(self.limits.high)
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,19 @@ class Heard:
     timeout_s: float
     signals: tuple[Measured, ...]
     check: str = "none"
+
+
+@dataclass(frozen=True)
+class Override:
+    """A driver's signal by which the driver takes over. While a hazard is braked for hard, only one that is
+    there for `held_s` does, at `firm` or above: a single frame is none.
+    """
+
+    name: str
+    least: float  # from which it takes over
+    firm: float
+    held_s: float = 0.28  # four frames of 0.1 s, less their jitter
+    brakes: bool = False  # the driver brakes: ours goes on beneath, until the driver lifts the foot
 
 
 @dataclass(frozen=True)
@@ -147,8 +164,9 @@ class Timing:
     handover_scale: float = 0.5
     stands: float = 3.0  # standing for longer, the truck drives off only for a person (ISO 15622)
     fade_longest: float = 4.0
-    blind: float = 20.0  # going on to brake without a speed: 30 m/s take so long at 1.5 m/s^2
-    persist: float = 0.5  # an implausible pair of signals for so long is a fault
+    assumed: float = 20.0  # longest that a hazard may be assumed unseen: 30 m/s take so long at 1.5 m/s^2
+    outage: float = 2.0  # a bus that comes back later finds no braking to go on with
+    persist: float = 0.5  # an implausible pair of signals, or what forbids control, for so long is a fault
     weak: float = 1.5  # torque far below our demand for so long, outside of gear changes: turbos need 1 s
     answer: float = 1.5  # after which a truck slows that is braked: 0.5 s, and `slowing`
     unexplained: float = 1.0  # somebody else's demand obeyed for so long, outside of gear changes, is a fault
@@ -168,7 +186,7 @@ class Table:
     heard: tuple[Heard, ...]
     always: tuple[int, ...]  # identifiers that may leave whenever armed: address claim, its request, DM1
     allowed: tuple[Allowed, ...]  # what transmission, brakes ... may demand of our axes; nobody else anything
-    override: tuple[tuple[str, float], ...]  # driver signals, at or above which the driver takes over
+    override: tuple[Override, ...]  # driver signals
     forbidden: tuple[tuple[str, float], ...]  # truck signals at a value that forbids control: parking brake
     driveline: Driveline | None
     engage_speed: tuple[float, float]

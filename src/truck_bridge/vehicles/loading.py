@@ -24,6 +24,8 @@ NAMES = ("trucksim", "freightliner", "volvo")
 COASTS_M_S2 = 1.5  # up a slope of 10 % with drag and a dragging engine; 40 % of the pedal slow by 1.6 to 3.6
 SET_SPEED = 25.0  # m/s, 90 km/h: to what Directive 92/6/EEC limits heavy vehicles
 HOLDS_BEYOND = {"m/s^2": 1.5, "percent": 20.0}  # 1.5 m/s^2 of the strongest brakes, 7.5 m/s^2
+# From hard braking for a hazard an accelerator takes over at (percent), for (s: two frames); ours.
+FIRM = {"AcceleratorPedalPosition": (24.0, 0.04)}
 MOTION = ("fastest", "still", "rises")  # columns of a received message, as `Measured` has them
 
 
@@ -61,7 +63,7 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         heard=received,
         always=_always(own),
         allowed=tuple(_allowed(data, sent)),
-        override=tuple((name, float(value)) for name, value in data["driver"].items()),
+        override=tuple(_overrides(data)),
         forbidden=tuple((name, float(value)) for name, value in data["forbidden"].items()),
         driveline=_driveline(data.get("driveline")),
         coasts_m_s2=data.get("coasts", COASTS_M_S2),
@@ -104,6 +106,15 @@ def _obeyed(data: dict[str, Any], sent: dict[str, Transmitted]) -> Iterator[tabl
     for signal, explained in data.get("obeys", {}).items():
         axis = names[signal].removesuffix("ControllingAddress").lower()
         yield tables.Obeyed(signal, tuple(map(float, explained)), axis if axis in sent else "")
+
+
+def _overrides(data: dict[str, Any]) -> Iterator[tables.Override]:
+    """By which signals the driver takes over; by the message's name of it, what the driver does."""
+    names = {name: source for spec in data["receive"].values() for name, source in spec["signals"].items()}
+    for name, least in data["driver"].items():
+        firm, held_s = FIRM.get(names[name], (least, tables.Override.held_s))
+        brakes = names[name] in ("BrakePedalPosition", "BrakeSwitch")
+        yield tables.Override(name, float(least), float(max(least, firm)), held_s, brakes)
 
 
 def _followed(axis: str, spec: dict[str, Any], sent: dict[str, Transmitted]) -> tables.Followed:

@@ -89,6 +89,20 @@ def test_a_lost_address_stays_lost_until_a_new_start(claim):
     assert claim.claimed(20.3)
 
 
+@pytest.mark.parametrize(("address", "waits"), [(127, False), (128, True), (247, True), (248, False)])
+def test_an_address_that_was_ours_is_used_at_once_after_an_interruption(address, waits):
+    claim = AddressClaim(OURS, address)
+    claim.start(10.0)
+    assert not claim.claimed(10.0)
+    assert claim.claimed(10.3)
+    claim.stop()
+    assert not claim.claimed(10.4)
+    claim.start(10.5)
+    assert claim.claimed(10.5) == (not waits)
+    assert claim.claimed(10.8)
+    assert len(claim.due(10.8)) == 1
+
+
 def test_stop_gives_up_without_a_word(claim):
     claim.stop()
     assert claim.due(10.0) == []

@@ -25,6 +25,7 @@ LEAD_FOR = 0.5  # s that a radar echo counts as a vehicle ahead
 ASK_EVERY = 0.2  # s between attempts to engage
 SAY_EVERY = 5.0  # s between two lines that say why control cannot be given yet
 NOBODY_ASKS = "nobody asks: call the service /can_bridge/engage"
+ENDS_WITHIN = 7.0  # s, that braking for a hazard may take when the node ends: 25 m/s by 4 m/s^2
 ENGAGED_PERIOD_S = 0.05  # s between two engaged bits to the controller; a change is sent at once
 
 
@@ -88,10 +89,10 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Hand control back in order, then stop sending."""
+        """Hand control back in order, after braking that a hazard needs, then stop sending."""
         self._stop.set()
         if self._thread is not None:
-            self._thread.join(2.0)
+            self._thread.join(ENDS_WITHIN)
         self._thread = None
         return TransitionCallbackReturn.SUCCESS
 
@@ -129,7 +130,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         bit = -1.0 if status.acts_alone else float(engaged)
         self._in_control += (now - self._counted_at) * engaged
         self._counted_at = now
-        said, self._said = self._said, "engaged" if engaged else status.warning
+        said, self._said = self._said, status.warning or ("engaged" if engaged else "")
         if self._said and self._said != said:
             say(self._said)
         if bit != self._sent_engaged or now - self._sent_engaged_at > ENGAGED_PERIOD_S:
@@ -154,7 +155,8 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         if not self.diagnosis_is_due(stamp):
             return
         status = self._bridge.status
-        level = "error" if status.state == "stopping" else "warn" if status.warning else "ok"
+        urgent = status.state == "stopping" or (status.engaged and status.warning)
+        level = "error" if urgent else "warn" if status.warning else "ok"
         says = status.warning or status.reason or status.state
         counters = {f"refused: {name}": count for name, count in status.refusals.items()}
         counters |= {f"lost: {name}": count for name, count in status.losses.items()}
@@ -184,10 +186,17 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
     def _on_command(self, message: JointState) -> None:
         values = messages.read_scalars(message)
         engine, brake = (values.get(name, math.nan) for name in COMMAND.fields[:2])
-        room, needed, held = (values.get(name, math.nan) for name in ("room", "needed_gap", "hold_brake"))
-        engaged, gap = values.get("engaged") == 1.0, (room + needed, needed)
-        now = time.monotonic()
-        self._bridge.command(engine, brake, now, engaged=engaged, gap=gap, hold_brake=held)
+        room, needed = (values.get(name, math.nan) for name in ("room", "needed_gap"))
+        self._bridge.command(
+            engine,
+            brake,
+            time.monotonic(),
+            engaged=values.get("engaged") == 1.0,
+            gap=(room + needed, needed),
+            hold_brake=values.get("hold_brake", math.nan),
+            hold_s=values.get("hold_s", math.inf),
+            needed_braking=values.get("needed_braking", math.nan),
+        )
 
     def _on_range(self, message: Range) -> None:
         if math.isfinite(message.range) and nanoseconds(message.header.stamp):
@@ -210,7 +219,8 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
     def _on_release(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._wanted = False
         self._bridge.release(time.monotonic(), "released by service")
-        response.success, response.message = True, "released"
+        braked = self._bridge.status.state == "stopping"
+        response.success, response.message = not braked, self._bridge.status.warning if braked else "released"
         return response
 
 

@@ -106,7 +106,8 @@ class Controller(DeeptruckNode):
     def _send(self, stamp: int) -> None:
         self._sent_at = time.monotonic()
         following = self._following
-        said = (*following.held, float(self._drives), *following.room, following.hold_brake)
+        hazard = following.hold_brake, following.hold_s, following.needed_braking
+        said = (*following.held, float(self._drives), *following.room, *hazard)
         values = dict(zip(COMMAND.fields, said, strict=True))
         self._command.publish(messages.scalars(stamp, COMMAND.fields, values))
 

@@ -18,6 +18,7 @@ EVENTS = ("drop_outs", "shield_interventions", "full_brakings")
 HOLE_S = 0.5  # between two observations, beyond which the past is forgotten; at least three steps
 CONTRADICTED_S = 1.0  # for which a radar may contradict itself, or the truck's speed
 LEAST_M_S2 = 0.2  # needed braking that noise of the readings may look like
+CREEPS_M_S = 2.0  # as fast as an idling engine drives a truck on: rolling out ends at what is slower
 HARDER = 1.2  # than is needed, as no command follows
 FULL = 0.95  # of the highest brake command: counted as a full braking
 
@@ -55,7 +56,9 @@ class Following:
         self._steps = {"shield_acted": 0, "baseline_drove": 0}
         self._events = {name: Event() for name in EVENTS}
         self.held = (math.nan, math.nan)  # engine and brake command in the interface's units
-        self.hold_brake = math.nan  # to go on with if this command is the last; NaN: none
+        self.hold_brake = math.nan  # that the hazard ahead needs; NaN: none
+        self.hold_s = math.inf  # for which that is assumed
+        self.needed_braking = 0.0  # m/s^2, of that hazard or of the command
         self.room = (math.nan, math.nan)  # m to the shield's limit, and the gap that it needs
         self.leads = False  # there is something to follow
         self.why = ""  # not, in words; "" while it leads
@@ -112,7 +115,10 @@ class Following:
         led = self.leads
         self.why = self._why_not()
         self.leads = not self.why
-        self.hold_brake = self._held_brake() if led or self.leads else math.nan
+        needs = float(self._guard.needed_braking[0])
+        self.hold_brake = self._held_brake(needs, seen) if led or self.leads else math.nan
+        self.hold_s = self._time_to_stop(needs, seen.speed)
+        self.needed_braking = max(needs, self._braking_by(float(brake[0])))
         acted, braking = bool(self._guard.acted[0]), brake[0] >= FULL * self._brake_high
         if not self.leads:
             engine = brake = np.array([math.nan])
@@ -125,13 +131,30 @@ class Following:
         self._events["full_brakings"].now(bool(braking))
         return float(engine[0]), float(brake[0])
 
-    def _held_brake(self) -> float:
+    def _braking_by(self, command: float) -> float:
+        """The most that a brake command gives on the level, m/s^2; 0 where nothing is known of the brakes."""
+        if self._guard.shield is None:
+            return 0.0
+        p = self._guard.shield.assumed
+        share = min(command / self._brake_high, p.limit_share)
+        return min(p.brake_gain * max(share - p.bite, 0.0), p.strongest_braking)
+
+    def _time_to_stop(self, needs: float, speed: float) -> float:
+        """For how long the braking that is needed, or what there is of it, brakes to a standstill, s."""
+        shield = self._guard.shield
+        if shield is None:
+            return 0.0
+        p = shield.assumed
+        return HARDER * speed / min(max(needs, LEAST_M_S2), p.braking * p.limit_share) + p.response_s
+
+    def _held_brake(self, needs: float, seen: Observation) -> float:
         """The brake command that stops behind what was seen last; NaN where rolling out does not hit it."""
-        shield, needs = self._guard.shield, float(self._guard.needed_braking[0])
+        shield = self._guard.shield
         if shield is None:
             return math.nan
         p, slope = shield.assumed, self._acted.grade if self._acted else 0.0
-        if not needs > max(p.mild_braking + GRAVITY * slope, LEAST_M_S2):
+        rolls_out = 0.0 if seen.leader_speed < CREEPS_M_S else p.mild_braking + GRAVITY * slope
+        if not needs > max(rolls_out, LEAST_M_S2):
             return math.nan
         share = max(needs / p.braking, float(p.share_of(p.yielding))) * HARDER
         return min(share, p.limit_share) * self._brake_high

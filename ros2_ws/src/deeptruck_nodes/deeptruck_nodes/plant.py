@@ -35,6 +35,7 @@ class Plant:
         share = float(limits.share_of(limits.yielding))  # beyond it only the shield brakes
         self._hold = BrakeHold({"brake": share * ActionScale.of(simulator).brake_high or math.inf})
         self.stopping = False  # braking to a standstill without a command
+        self._time = 0.0
         self.distance = 0.0
         self.grade, self.elevation = road.at(0.0)
         self._accelerometer = Accelerometer(seed=0)
@@ -53,19 +54,33 @@ class Plant:
         """Mean acceleration over the last step, m/s^2."""
         return float(self._y[0, ACCELERATION])
 
-    def step(self, engine_command: float, brake_command: float, hold_brake: float = math.nan) -> None:
+    def step(
+        self,
+        engine_command: float,
+        brake_command: float,
+        hold_brake: float = math.nan,
+        hold_s: float = math.inf,
+    ) -> None:
         """Advance by dt under a held command; without one (NaN) the last one fades to nothing in FADE_S.
 
-        Braking for a hazard, and by `hold_brake` where that is a number, goes on without a command to a
-        standstill and there, until the next command.
+        Braking for a hazard, by `hold_brake` or what was commanded last, goes on without a command for
+        `hold_s`, and holds the truck that stands then until the next command.
         """
         before, given = self.speed, (engine_command, brake_command)
         valid = math.isfinite(engine_command + brake_command)
-        if valid and not (self.stopping and before > STANDS_M_S):
+        needs = {"brake": hold_brake} if math.isfinite(hold_brake) else {}
+        self._time += self.dt
+        if valid or needs:
+            self._hold.know(needs, self._time + hold_s)
+        moves, known = before > STANDS_M_S, self._hold.knows(self._time)
+        if self.stopping and moves and not known:
+            self._held, self._left, self.stopping = (0.0, self._hold.demands["brake"]), 1.0, False
+        if valid and not (self.stopping and moves):
             self._held, self._left, self.stopping = given, 1.0, False
         else:
-            asked = {"brake": hold_brake} if math.isfinite(hold_brake) else {}
-            self.stopping = self.stopping or self._hold.begin({"brake": self._held[1]}, asked=asked)
+            if known and not self.stopping:
+                self._hold.begin({"brake": self._held[1]})
+                self.stopping = True
             self._left = max(self._left - self.dt / FADE_S, 0.0)
         brake = self._hold.rise("brake", brake_command) if self.stopping else self._left * self._held[1]
         u = np.array([(self._left * self._held[0], brake)[: len(self.interface.u)]])

@@ -82,8 +82,10 @@ COMMAND = Topic(
     "every radar sample; in real time at least every 50 ms",
     "the truck interface's units; engaged 1: they drive, as bridge or simulated truck said last; "
     "room and needed_gap, m: how much farther the vehicle ahead is than the shield needs, NaN: not known; "
-    "hold_brake: the brake command that goes on to a standstill if this command is the last, NaN: none",
-    ("engine_command", "brake_command", "engaged", "room", "needed_gap", "hold_brake"),
+    "hold_brake: the brake command that the hazard ahead needs, NaN: none; hold_s: s for which that is "
+    "assumed and goes on if control is lost; needed_braking, m/s^2: of that hazard, or of this command",
+    ("engine_command", "brake_command", "engaged", "room", "needed_gap", "hold_brake", "hold_s",
+     "needed_braking"),
 )  # fmt: skip
 ENGAGED = Topic(
     "/truck/engaged", JointState, SOURCES, ("controller", "recorder"),

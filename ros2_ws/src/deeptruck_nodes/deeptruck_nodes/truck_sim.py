@@ -32,7 +32,7 @@ class TruckSim(DeeptruckNode):
         self._period = round(self._plant.dt * SECOND / self._ticks_a_step)
         self._last_tick = round(self.p["duration_s"] * SECOND / self._period) or math.inf
         self._tick = 0
-        self._command = (0.0, 0.0, math.nan)  # engine, brake, and the brake to go on with
+        self._command = (0.0, 0.0, math.nan, math.inf)  # engine, brake, the brake to go on with, for how long
         self._commanded_at = time.monotonic()
         self._answered = -1  # stamp of the newest command
         self._coasting = False
@@ -71,7 +71,7 @@ class TruckSim(DeeptruckNode):
             return -late
         self._latest_by = max(self._latest_by, late)
         if time.monotonic() - self._commanded_at > self.p["command_timeout_s"]:
-            self._command, self._coasting = (math.nan, math.nan, self._command[2]), True
+            self._command, self._coasting = (math.nan, math.nan, math.nan, math.inf), True
         self._follow_clock()
         self._advance()
         return 0.0
@@ -127,7 +127,7 @@ class TruckSim(DeeptruckNode):
         values = messages.read_scalars(message)
         engine, brake = values.get("engine_command", math.nan), values.get("brake_command", 0.0)
         self._coasting = not (math.isfinite(engine) and math.isfinite(brake))  # NaN: the controller has none
-        self._command = (engine, brake, values.get("hold_brake", math.nan))
+        self._command = (engine, brake, values.get("hold_brake", math.nan), values.get("hold_s", math.inf))
         self._answered = messages.nanoseconds(message.header.stamp)
         self._commanded_at = time.monotonic()
 
