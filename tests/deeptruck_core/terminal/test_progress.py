@@ -12,6 +12,24 @@ from tensorboard.summary.writer.record_writer import RecordWriter
 from deeptruck_core.terminal.progress import bar, board, progress
 
 
+def test_a_log_gets_lines_with_the_time_left_once_it_can_be_estimated(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with bar("training", every_s=0.0) as show:
+        for done in (0, 5, 100, 200):
+            show(done, 300, "")
+    lines = capsys.readouterr().err.splitlines()
+    assert [" left" in line for line in lines] == [False, False, True, True]
+
+
+def test_a_long_step_is_repeated(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = ""
+    with progress("reading", every_s=0.01, quiet_s=0.01):
+        while "still reading" not in shown:  # the test ends by its own time limit otherwise
+            time.sleep(0.01)
+            shown += capsys.readouterr().err
+
+
 def test_a_short_one_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
     with bar("training") as show, progress("reading") as say:
         show(1, 2, "")
