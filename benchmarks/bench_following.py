@@ -42,6 +42,7 @@ ROWS = {  # what is said: (scene, path into its metrics)
     "to 0.1 s and 0.1 m/s: worst (s)": ("gap_closing", "closed_s_reach_bounds"),
     "its median (s)": ("gap_closing", "closed_s_reach_bounds_median"),
     "jerk behind a moving leader, rms (m/s^3)": ("moving", "jerk_rms"),
+    "brake pulses behind a moving leader (1/h)": ("moving", "brake_pulses_per_h"),
     "crashes": ("moving", "crashes"),
 }
 HILLS = (

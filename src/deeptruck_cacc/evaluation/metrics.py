@@ -70,6 +70,13 @@ def within_reach(scene: Scene, pedals: PedalMap, dt: float) -> NDArray[np.bool_]
     return out
 
 
+def brake_pulses_per_h(trace: Trace) -> float:
+    """How often an hour the brake is applied: a brake is no trim."""
+    pressed = trace["brake_command"] > 0.0
+    begins = pressed[1:] & ~pressed[:-1]
+    return float(begins.sum() / (begins.size * trace.dt / 3600.0))
+
+
 def summary(trace: Trace, reach: NDArray[np.bool_] | None = None) -> dict[str, Any]:
     """Errors after the paper's times, safety, comfort and fuel of a set of rollouts.
 
@@ -91,6 +98,7 @@ def summary(trace: Trace, reach: NDArray[np.bool_] | None = None) -> dict[str, A
         "min_ttc_s": float(trace["ttc"].min()),
         "acceleration_rms": float(np.sqrt(np.mean(trace["acceleration"] ** 2))),
         "jerk_rms": float(np.sqrt(np.mean(trace["jerk"] ** 2))),
+        "brake_pulses_per_h": brake_pulses_per_h(trace),
         "fuel_l_per_100km": 100.0 * litres / distance_km if np.isfinite(litres) else None,
         "shield_share": float(trace["acted"].mean()),
         "mean_return": float(trace["reward"].sum(axis=0).mean()),

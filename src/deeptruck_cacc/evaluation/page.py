@@ -18,6 +18,7 @@ HEAD = (
     "crashes",
     "min gap (m)",
     "jerk rms (m/s³)",
+    "brake pulses/h",
     "l/100 km",
     "shield %",
 )
@@ -55,6 +56,7 @@ def _cells(numbers: Mapping[str, Any]) -> tuple[str, ...]:
         str(numbers["crashes"]),
         f"{numbers['min_gap_m']:.1f}",
         f"{numbers['jerk_rms']:.2f}",
+        f"{numbers['brake_pulses_per_h']:.0f}",
         "-" if litres is None else f"{litres:.1f}",
         f"{100 * numbers['shield_share']:.1f}",
     )

@@ -73,6 +73,13 @@ def test_a_summary_counts_only_where_the_truck_had_the_power(toy, cacc):
     assert row["time_gap_p99_within_reach"] == 0.0
 
 
+def test_brake_pulses_are_counted_an_hour():
+    brake = np.zeros((3600, 2))
+    brake[100:110, 0] = brake[300:305, 0] = brake[50:, 1] = 10.0
+    trace = Trace(0.1, hard_scenes.settled(2, 3600, 20.0, 2.0), {"brake_command": brake})
+    assert metrics.brake_pulses_per_h(trace) == pytest.approx(3 / 0.2, rel=1e-3)
+
+
 def test_settling_time_is_the_last_time_outside():
     scene = hard_scenes.settled(2, 4, 20.0, 2.0)
     errors = np.array([[1.0, 0.0], [0.0, 0.0], [0.4, 0.0], [0.0, 0.9]])
