@@ -8,12 +8,3 @@ class InputError(ValueError):
 
     Console scripts print it and exit with code 2.
     """
-
-
-class MisfitsError(InputError):
-    """Several input errors, in one line; `found` has each."""
-
-    def __init__(self, found: list[str]) -> None:
-        listed = " ".join(f"({number}) {text}" for number, text in enumerate(found, 1))
-        super().__init__(f"{len(found)} things do not fit: {listed}")
-        self.found = found

@@ -7,9 +7,8 @@ from pathlib import Path
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_core.files import Result
-from deeptruck_model.checks import MANIFEST
 
-DEEP_TRUCK = Result("a deep truck", resumes_from=("resume.safetensors", MANIFEST))
+DEEP_TRUCK = Result("a deep truck", resumes_from=("resume.safetensors", "simulator.json"))
 CALIBRATED = Result("a calibrated deep truck")
 PHYSICS_TRUCK = Result("a physics truck")
 FLEET = Result("the results of a fleet")

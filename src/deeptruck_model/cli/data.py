@@ -15,7 +15,6 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.signals import shown, speed_unit
 from deeptruck_core.terminal.progress import progress
 from deeptruck_model import results
-from deeptruck_model.checks import Clock
 from deeptruck_model.cli.inputs import (
     ClockOption,
     MessageFiles,
@@ -24,6 +23,7 @@ from deeptruck_model.cli.inputs import (
     Units,
     show_accounts,
 )
+from deeptruck_model.recordings.bag_facts import Clock
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Suggestion, TableSuggestion

@@ -11,7 +11,7 @@ import typer
 
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
-from deeptruck_model.checks import Clock
+from deeptruck_model.recordings.bag_facts import Clock
 
 if TYPE_CHECKING:
     from deeptruck_core.account import Account, Aside
@@ -48,18 +48,12 @@ MessageFiles = Annotated[
 ]
 
 
-def present(*paths: Path, cure: str = "") -> None:
-    """Raises InputError for a missing path, before slow imports."""
-    for path in paths:
-        if not path.exists():
-            raise InputError(f"{path} does not exist{cure}")
-
-
 def deep_truck(simulator: str) -> DeepTruck:
     """The deep truck in a simulator directory. Raises InputError for any other simulator."""
-    from deeptruck_model import checks, simulators
+    from deeptruck_model import simulator_facts as facts
+    from deeptruck_model import simulators
 
-    if checks.simulator(simulator).kind != "deep":
+    if facts.simulator(simulator).kind != "deep":
         raise InputError(f"{simulator} is no deep truck; train one with 'deeptruck-model train'")
     truck = simulators.load(simulator)
     if TYPE_CHECKING:

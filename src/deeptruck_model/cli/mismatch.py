@@ -13,7 +13,7 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.signals import speed_unit
 from deeptruck_core.terminal import console
 from deeptruck_core.terminal.progress import progress
-from deeptruck_model import checks
+from deeptruck_model import calls
 from deeptruck_model.cli.inputs import (
     SIMULATOR,
     ClockOption,
@@ -82,7 +82,7 @@ def mismatch(
     left_out = _spans(without or [])
     FOUND.check(out, overwrite=overwrite)
     apart(out, Path(simulator), *recordings, *held_out)
-    checks.mass(mass_kg)
+    calls.mass(mass_kg)
     speed_unit(units)
     if exclude:  # before long recordings are read
         from deeptruck_model.mismatch.mechanisms.families import check_excluded

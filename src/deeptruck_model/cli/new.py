@@ -14,8 +14,8 @@ from deeptruck_core import files, reading
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 from deeptruck_model import results
-from deeptruck_model.checks.compatibility import Taken
 from deeptruck_model.cli.inputs import ClockOption, MessageFiles, TopicMap
+from deeptruck_model.recordings.compatibility import Taken
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Recording

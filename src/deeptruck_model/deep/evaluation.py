@@ -17,10 +17,9 @@ from scipy.special import ndtri, stdtrit
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import ACCELERATION, SPEED, TruckInterface
 from deeptruck_model import trucks
-from deeptruck_model.checks import compatibility
-from deeptruck_model.checks.compatibility import Given, Taken
 from deeptruck_model.deep.data import cut, has
-from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings import Recording, compatibility
+from deeptruck_model.recordings.compatibility import Given, Taken
 from deeptruck_model.simulators import Array, Simulator, free_run
 from deeptruck_model.trucks import PhysicsTruck
 

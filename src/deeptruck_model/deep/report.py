@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from deeptruck_core.pages.document import Part, Picture, Table, document
 from deeptruck_core.pages.style import MODELLED, RECORDED, WIDTH_IN, png, styled
 from deeptruck_core.signals import CHANNELS, SPEED, printed, sensible
-from deeptruck_model.checks import calls
+from deeptruck_model import calls
 from deeptruck_model.deep import remarks
 from deeptruck_model.deep.evaluation import (
     CONSTANT,

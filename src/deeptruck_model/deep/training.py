@@ -16,8 +16,7 @@ from threadpoolctl import threadpool_limits
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_core.terminal.progress import bar, board
-from deeptruck_model import simulators
-from deeptruck_model.checks import calls
+from deeptruck_model import calls, simulators
 from deeptruck_model.deep import card, coverage, remarks, resume
 from deeptruck_model.deep.arguments import FUEL, PAPER_FUEL, Arguments
 from deeptruck_model.deep.data import FloatArray, Scales, loss_weights

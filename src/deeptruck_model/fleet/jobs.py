@@ -8,7 +8,7 @@ from pathlib import Path
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.formats import Kind, kind_of
-from deeptruck_model.checks.bags import METADATA, parts
+from deeptruck_model.recordings.bag_facts import METADATA, parts
 from deeptruck_model.recordings.several import distinct
 
 

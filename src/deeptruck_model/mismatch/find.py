@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.terminal.progress import steps
-from deeptruck_model.checks import calls, mass
+from deeptruck_model import calls
 from deeptruck_model.mismatch.correction.from_draws import Correction, correct, uncorrected
 from deeptruck_model.mismatch.correction.validate import Validated, validate
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
@@ -203,7 +203,7 @@ def called(
 def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:
     if mass_kg is None:
         return
-    mass(mass_kg)
+    calls.mass(mass_kg)
     own = simulator.parameters().get("mass")
     if own is not None and abs(mass_kg - own) > 1e-6 * own:
         raise InputError(f"the simulator's own mass is {own:g} kg; leave --mass-kg out, or set its parameter")

@@ -12,8 +12,7 @@ import numpy as np
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import shown
-from deeptruck_model import simulators
-from deeptruck_model.checks import calls
+from deeptruck_model import calls, simulators
 from deeptruck_model.mismatch.folders import (
     APPLIED,
     CORRECTED,

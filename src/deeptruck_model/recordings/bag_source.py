@@ -20,7 +20,8 @@ from mcap.records import Metadata
 
 from deeptruck_core import reading
 from deeptruck_core.errors import InputError
-from deeptruck_model.checks.bags import (
+from deeptruck_model.recordings import bag_file
+from deeptruck_model.recordings.bag_facts import (
     EXTRA_KEY,
     INTERFACE_KEY,
     METADATA,
@@ -31,7 +32,6 @@ from deeptruck_model.checks.bags import (
     information_of,
     parts,
 )
-from deeptruck_model.recordings import bag_file
 from deeptruck_model.recordings.bag_file import DamagedError, TornError
 from deeptruck_model.recordings.bag_storage import open_storages
 from deeptruck_model.recordings.mcap_chunks import LATEST_NS, Batch, indexed_chunks, read_chunks

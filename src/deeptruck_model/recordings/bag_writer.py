@@ -14,7 +14,7 @@ from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.files import Result
 from deeptruck_core.signals import CHANNELS, TruckInterface
-from deeptruck_model.checks import calls
+from deeptruck_model import calls
 from deeptruck_model.recordings.bag_source import EXTRA_KEY, INTERFACE_KEY, NOTES_KEY
 from deeptruck_model.recordings.crash_safe import CrashSafeWriter
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
-from deeptruck_model.checks import Clock
+from deeptruck_model.recordings.bag_facts import Clock
 
 Index = NDArray[np.int64]
 

@@ -16,7 +16,8 @@ from deeptruck_core.account import Account, moment
 from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
-from deeptruck_model.checks import Clock, calls
+from deeptruck_model import calls
+from deeptruck_model.recordings.bag_facts import Clock
 from deeptruck_model.recordings.bag_source import EXTRA_KEY, INTERFACE_KEY, NOTES_KEY, BagSource
 from deeptruck_model.recordings.clocks import Clocks, InOrder, in_order
 from deeptruck_model.recordings.interpolate import Series

@@ -18,7 +18,8 @@ from deeptruck_core.formats import BAG as BAG_OF_FRAMES
 from deeptruck_core.formats import Kind, kind_of, suffix_of
 from deeptruck_core.imports.entry_points import registered
 from deeptruck_core.signals import CHANNELS, SLOPE_FROM, TruckInterface, check_slope_source
-from deeptruck_model.checks import Clock, calls
+from deeptruck_model import calls
+from deeptruck_model.recordings.bag_facts import Clock
 from deeptruck_model.recordings.bag_writer import write_bag
 from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.extract import read

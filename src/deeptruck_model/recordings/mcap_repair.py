@@ -29,7 +29,7 @@ from mcap.records import (
 
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
-from deeptruck_model.checks import METADATA
+from deeptruck_model.recordings.bag_facts import METADATA
 from deeptruck_model.recordings.bag_file import MAGIC, RECORD_HEAD
 from deeptruck_model.recordings.crash_safe import Topic, metadata_yaml
 from deeptruck_model.recordings.mcap_chunks import ENTRY, UNREADABLE, content_of, learn, scan_messages

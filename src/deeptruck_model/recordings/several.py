@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from deeptruck_core.errors import InputError
-from deeptruck_model import checks
-from deeptruck_model.checks import Clock, calls
-from deeptruck_model.checks.compatibility import Given, Taken, misfits
+from deeptruck_model import calls
+from deeptruck_model.recordings import bag_facts
+from deeptruck_model.recordings.bag_facts import Clock
+from deeptruck_model.recordings.compatibility import Given, Taken, misfits
 from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.topic_map import TopicMap, load
@@ -56,7 +57,7 @@ def check(bags: Sequence[str | Path], topic_map: TopicMap | str | Path | None = 
     if topic_map is not None:
         load(topic_map)
     for bag in bags:
-        checks.bag(Path(bag))
+        bag_facts.bag(Path(bag))
 
 
 def check_fit(recordings: Iterable[Recording], taken: Taken, name: str = "") -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from deeptruck_core import reading
 from deeptruck_core.arrays import Array
 from deeptruck_core.signals import TruckInterface
-from deeptruck_model.checks import calls
+from deeptruck_model import calls
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, BagSource
 from deeptruck_model.recordings.layout import STAMP, Columns, Layout, Walker
 from deeptruck_model.recordings.mcap_chunks import Batch

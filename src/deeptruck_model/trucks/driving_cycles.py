@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
-from deeptruck_model.checks import calls
+from deeptruck_model import calls
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PhysicsTruck
 from deeptruck_model.trucks.compiled import entry

@@ -16,7 +16,7 @@ from deeptruck_core import reading
 from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
-from deeptruck_model.checks import calls
+from deeptruck_model import calls
 from deeptruck_model.results import PHYSICS_TRUCK
 from deeptruck_model.simulators import MANIFEST, Run
 from deeptruck_model.trucks import kernel

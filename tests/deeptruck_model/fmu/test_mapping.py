@@ -9,7 +9,8 @@ import pytest
 import yaml
 
 from deeptruck_core.errors import InputError
-from deeptruck_model import checks, simulators
+from deeptruck_model import simulator_facts as facts
+from deeptruck_model import simulators
 
 
 def test_units_and_factors(own: str, tmp_path: Path) -> None:
@@ -51,5 +52,5 @@ def test_what_does_not_fit(own: str, tmp_path: Path, given: object, says: str) -
     whole = yaml.safe_load(file.read_text())
     file.write_text(yaml.safe_dump({**whole, **given} if isinstance(given, dict) else given))
     with pytest.raises(InputError, match=says) as caught:
-        checks.simulator(own)
+        facts.simulator(own)
     assert "\n" not in str(caught.value)

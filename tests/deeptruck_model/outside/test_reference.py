@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from deeptruck_core.errors import InputError
-from deeptruck_model import checks, simulators
+from deeptruck_model import simulator_facts as facts
+from deeptruck_model import simulators
 from deeptruck_model.outside import reference
 
 
@@ -19,8 +20,8 @@ def test_the_factory_is_called_with_the_arguments(shuttle: Path) -> None:
     plain, heavy = f"python:{shuttle.stem}:make", f"python:{shuttle.stem}:make:heavy.yaml"
     assert simulators.load(plain).parameters()["mass"] == 20000.0
     assert simulators.load(heavy).parameters()["mass"] == 30000.0
-    facts = checks.simulator(heavy)
-    assert (facts.interface.name, facts.dt, facts.kind) == ("shuttle", 0.1, "outside")
+    said = facts.simulator(heavy)
+    assert (said.interface.name, said.dt, said.kind) == ("shuttle", 0.1, "outside")
 
 
 MODULE = """
@@ -73,7 +74,7 @@ def test_what_cannot_be_made_is_one_line(shuttle: Path, text: str, says: str) ->
     Path(f"{name}_broken.py").write_text("import gone\n")
     Path(f"{name}_cut.py").write_text("def make(:\n")
     Path("list.yaml").write_text("- 1\n")
-    for look in (checks.simulator, simulators.load):
+    for look in (facts.simulator, simulators.load):
         with pytest.raises(InputError, match=says) as caught:
             look(text.format(m=name))
         assert "\n" not in str(caught.value)
@@ -90,8 +91,8 @@ def test_a_slow_factory_is_called_once_for_the_look_and_the_load(shuttle: Path) 
     with shuttle.open("a") as file:
         file.write("\n\nCALLS = []\n\n\ndef slow():\n    CALLS.append(1)\n    return make()\n")
     text = f"python:{shuttle.stem}:slow"
-    checks.simulator(text)
-    checks.simulator(text)
+    facts.simulator(text)
+    facts.simulator(text)
     first = simulators.load(text)
     assert len(sys.modules[shuttle.stem].CALLS) == 1
     assert simulators.load(text) is not first and len(sys.modules[shuttle.stem].CALLS) == 2
@@ -99,8 +100,8 @@ def test_a_slow_factory_is_called_once_for_the_look_and_the_load(shuttle: Path) 
 
 def test_looking_at_it_imports_nothing_heavy_of_ours(shuttle: Path) -> None:
     code = (
-        "import json, sys\nfrom deeptruck_model import checks\n"
-        f"checks.simulator('python:{shuttle.stem}:make')\n"
+        "import json, sys\nfrom deeptruck_model import simulator_facts as facts\n"
+        f"facts.simulator('python:{shuttle.stem}:make')\n"
         "print(json.dumps(sorted({'torch', 'numba', 'scipy', 'matplotlib', 'rosbags'} & set(sys.modules))))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

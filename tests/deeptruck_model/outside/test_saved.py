@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from deeptruck_core.errors import InputError
-from deeptruck_model import checks, simulators
+from deeptruck_model import simulator_facts as facts
+from deeptruck_model import simulators
 from deeptruck_model.mismatch import CorrectedTruck
 from deeptruck_model.mismatch.correction.corrected_truck import Term
 from deeptruck_model.mismatch.mechanisms import variant
@@ -38,8 +39,8 @@ def test_it_loads_again_and_drives_the_same(corrected: Path, shuttle: Path) -> N
     assert again.parameters()["mass"] == pytest.approx(33000.0)
     runs = [simulators.free_run(truck, U, W, Y0).y for truck in (first, again)]
     np.testing.assert_array_equal(*runs)
-    facts = checks.simulator(str(corrected))
-    assert (facts.kind, facts.interface.name) == ("corrected", "shuttle")
+    said = facts.simulator(str(corrected))
+    assert (said.kind, said.interface.name) == ("corrected", "shuttle")
 
 
 def test_parameters_that_it_was_given_are_kept(shuttle: Path) -> None:
@@ -62,7 +63,7 @@ def test_what_has_changed_since_is_not_loaded_until_it_is_accepted(
 ) -> None:
     file = shuttle if changed == "module" else Path("heavy.yaml")
     file.write_text(file.read_text() + "\n# a remark\n")
-    for look in (checks.simulator, simulators.load):
+    for look in (facts.simulator, simulators.load):
         with pytest.raises(InputError, match=rf"{file.name} of SHA-256 .* --accept'") as caught:
             look(str(corrected))
         assert "\n" not in str(caught.value)
@@ -86,7 +87,7 @@ def test_what_has_changed_since_is_not_loaded_until_it_is_accepted(
 def test_a_folder_that_tells_nothing_usable_is_one_line(
     corrected: Path, change: dict[str, object], says: str
 ) -> None:
-    file = corrected / "base" / checks.MANIFEST
+    file = corrected / "base" / facts.MANIFEST
     file.write_text(json.dumps(json.loads(file.read_text()) | change))
     with pytest.raises(InputError, match=says) as caught:
         simulators.load(corrected)
@@ -98,4 +99,4 @@ def test_an_object_that_nobody_can_make_again_is_named(shuttle: Path) -> None:
     CorrectedTruck(inner, [], {}, None, False).save(Path("lone"))
     with pytest.raises(InputError, match=r"an object of shuttle_\w+\.Shuttle, .* write a factory for it"):
         simulators.load("lone")
-    assert [file.name for file in Path("lone/base").iterdir()] == [checks.MANIFEST]
+    assert [file.name for file in Path("lone/base").iterdir()] == [facts.MANIFEST]

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from deeptruck_core.errors import InputError
-from deeptruck_model import checks, simulators, trucks
+from deeptruck_model import simulator_facts as facts
+from deeptruck_model import simulators, trucks
 from deeptruck_model.trucks import own_truck
 from deeptruck_model.trucks.coast_down import UNITS, CoastDown
 
@@ -62,7 +63,7 @@ def test_the_file_loads_and_has_the_numbers_of_the_sheet(tmp_path: Path, convert
     sheet = made(converter=converter)
     file = tmp_path / "mine.yaml"
     file.write_text(own_truck.text(sheet, own_truck.specification(sheet, "mine"), file.name))
-    assert checks.simulator(f"truck:{file}").interface.mass_kg == 24000
+    assert facts.simulator(f"truck:{file}").interface.mass_kg == 24000
     truck = simulators.load(f"truck:{file}")
     assert truck.interface.name == "mine" and truck.parameters()["mass"] == 24000
 

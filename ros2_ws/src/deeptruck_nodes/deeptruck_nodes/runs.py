@@ -18,7 +18,8 @@ from typing import Any
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_core.terminal import console
-from deeptruck_model import checks
+from deeptruck_model import simulator_facts as facts
+from deeptruck_model.recordings import bag_facts
 from deeptruck_model.results import apart
 from deeptruck_nodes import environment, leaders, page_server, parameters, roads
 from deeptruck_nodes.bag_place import BAG, is_whole
@@ -59,7 +60,7 @@ class Common:
 def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lockstep: bool) -> int:
     """Run a simulated truck behind a leader; returns the exit code. `given` holds the parameters of the nodes
     by name."""
-    interface = checks.simulator(simulator).interface
+    interface = facts.simulator(simulator).interface
     _check_leader(common, given)
     road = roads.parse(given["truck_sim"]["road"])
     steepest = min(road.at(25.0 * step)[0] for step in range(800))  # of 20 km
@@ -112,7 +113,7 @@ def replay(common: Common, given: Sections) -> int:
         apart(common.record, bag, elsewhere=BAG.elsewhere)
     if bag.is_dir() and (repaired := repair(bag)):
         print(repaired, flush=True)
-    return _run("replay", common, given, bag.name, checks.bag(bag).interface, "replay")
+    return _run("replay", common, given, bag.name, bag_facts.bag(bag).interface, "replay")
 
 
 def _check_leader(common: Common, given: Sections) -> None:
@@ -136,7 +137,7 @@ def _compile(truck: str) -> None:
 
 def _absolute(simulator: str) -> str:
     """The simulator's name for the nodes, which start in the working directory of this program."""
-    return simulator if checks.by_scheme(simulator) else str(Path(simulator).absolute())
+    return simulator if facts.by_scheme(simulator) else str(Path(simulator).absolute())
 
 
 def _controller(policy: str, interface: TruckInterface) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any, get_args
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import CHANNELS
-from deeptruck_model.checks import calls
+from deeptruck_model import calls
 from deeptruck_model.mismatch.mechanisms.record import Curve, Family, Form, Mechanism
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording

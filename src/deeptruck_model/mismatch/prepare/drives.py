@@ -13,7 +13,6 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.json_data import HIDDEN, stored
 from deeptruck_core.signals import FELT, FELT_SD, channel_of
 from deeptruck_core.vehicle_kinds import IMPOSSIBLE_ACCELERATION
-from deeptruck_model.checks.compatibility import how_without
 from deeptruck_model.mismatch.prepare.places import on_a_road_of_its_own, on_one_road, without_a_place
 from deeptruck_model.mismatch.prepare.prepared import (
     BRAKE,
@@ -36,6 +35,7 @@ from deeptruck_model.mismatch.prepare.sensors import (
 )
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings.compatibility import how_without
 from deeptruck_model.recordings.consistency import gears, sensors
 from deeptruck_model.recordings.grade import felt_slope
 from deeptruck_model.recordings.not_recorded import not_recorded as lacking

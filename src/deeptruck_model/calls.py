@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from deeptruck_core.errors import InputError
+from deeptruck_core.vehicle_kinds import UNSTATED
 
 T = TypeVar("T")
 SHOWN = 60  # characters of a value that a line repeats
@@ -48,3 +49,17 @@ def instance(value: Any, kind: type[T], name: str, cure: str) -> T:
     if not isinstance(value, kind):
         raise InputError(f"{name} must be a {kind.__name__}, not {shown(value)}; {cure}")
     return value
+
+
+def mass(mass_kg: float | None) -> None:
+    """Raises InputError for a mass (kg) that no vehicle can have."""
+    low, high = UNSTATED.least_mass_kg, UNSTATED.most_mass_kg
+    if mass_kg is None or low <= mass_kg <= high:
+        return
+    tonnes = low <= 1000.0 * mass_kg <= high
+    cure = (
+        f"if {mass_kg:g} t were meant, give {1000.0 * mass_kg:g}"
+        if tonnes
+        else f"state what the truck weighs, {low:g} to {high:g} kg"
+    )
+    raise InputError(f"a mass of {mass_kg:g} kg is no vehicle's; {cure}")

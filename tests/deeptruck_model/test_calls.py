@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from deeptruck_core.errors import InputError
-from deeptruck_model import evaluate, find_mismatch, load, mismatch, read, recordings, train, trucks
+from deeptruck_model import calls, evaluate, find_mismatch, load, mismatch, read, recordings, train, trucks
 from deeptruck_model.mismatch import Span
 from deeptruck_model.mismatch.find import called
 from deeptruck_model.mismatch.rules import Rules
@@ -126,3 +126,13 @@ def test_bags_and_simulators_may_be_named(drives: Path) -> None:
     for named, known in zip(by_name[1:], given[1:], strict=True):
         assert len(named) == 1 and recordings.data_hash(named) == recordings.data_hash(known)
     assert {r.name for r in recordings.read_all([drives / "one"])} == {"one"}
+
+
+@pytest.mark.parametrize("mass_kg", [-1.0, 0.0, float("nan"), float("inf")])
+def test_a_mass_that_cannot_be_is_refused_at_once(mass_kg: float) -> None:
+    calls.mass(None)
+    calls.mass(900.0)
+    with pytest.raises(InputError, match="state what the truck weighs"):
+        calls.mass(mass_kg)
+    with pytest.raises(InputError, match="if 28 t were meant, give 28000"):
+        calls.mass(28.0)
