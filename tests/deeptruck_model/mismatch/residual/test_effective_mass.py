@@ -20,6 +20,7 @@ from deeptruck_model.mismatch.residual import effective_mass, gather
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.expression import Signal, Stream
 from deeptruck_model.mismatch.residual.expression.nodes import Constant
+from deeptruck_model.mismatch.residual.noise import Prior, fit
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator, free_run, load
 from deeptruck_model.trucks import driving_cycles
@@ -142,8 +143,10 @@ def test_a_hidden_force_comes_back_in_newtons(name: str) -> None:
     search = Regression(e)
     mechanism = next(m for m in search.library if m.effect == "dragging_brake")
     steady = next(s for s in search.candidate_terms(mechanism) if s.variants == (variant("constant"),))
-    found = search.model((steady,), frozenset())
-    assert found.coefficients("dragging_brake")[0] * e.mass == pytest.approx(2000.0, rel=0.03)
+    beside, prior = search.design()
+    columns = np.concatenate([steady.columns, beside], axis=1)
+    found = fit(search.series, columns, Prior.join(steady.prior, prior))
+    assert found.b[0] * e.mass == pytest.approx(2000.0, rel=0.03)
 
 
 def test_what_changes_while_brakes_hold_acts_until_they_have_made_up_for_it() -> None:
