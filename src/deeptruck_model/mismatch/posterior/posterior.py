@@ -8,7 +8,7 @@ sensors are always in, and the noise is fitted again given what is in.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -211,8 +211,7 @@ def first_look(regression: Regression, *, seed: int = 0) -> Posterior:
 
 def _drawn(regression: Regression, seed: int, sweeps: int, noise: Fit) -> Posterior:
     X, prior = regression.design()
-    drift = _drift(regression)
-    of = (*_beside_slope(regression, drift), *drift)
+    of = (*kernels(regression), *_drift(regression))
     error = _form_error(regression)
     always = np.concatenate([X * prior.sd, error], axis=1)
     mean = X @ prior.mean
@@ -335,19 +334,6 @@ def _slope(regression: Regression) -> Kernel:
         felt = (GRAVITY * gain * np.nan_to_num(e[FELT]))[:, None].astype(np.float32)
         columns = np.concatenate([felt, columns.astype(np.float32)], axis=1)
     return Kernel(LIBRARY.of_input("grade").effect, columns, part=SLOPE)
-
-
-def _beside_slope(regression: Regression, drift: Sequence[Kernel]) -> Iterator[Kernel]:
-    """The kernels of a regression; what no mechanism would do has nothing that a slope does, where there may
-    be one that was not recorded and that no accelerometer distinguishes."""
-    slope = next((k.features for k in drift if k.part == SLOPE), None)
-    for k in kernels(regression):
-        if k.name == UNKNOWN and slope is not None and not regression.e.has(FELT):
-            S, X = (np.nan_to_num(x[regression.rows]) for x in (slope, k.features))
-            H = S.T @ S
-            H += np.eye(len(H)) * (RIDGE * np.trace(H) / len(H))
-            k = replace(k, features=k.features - slope @ np.linalg.solve(H, S.T @ X))
-        yield k
 
 
 def _knots(regression: Regression) -> Array:

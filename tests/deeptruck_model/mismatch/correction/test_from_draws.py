@@ -47,17 +47,11 @@ def test_whatever_may_be_in_has_a_term_and_noise_has_none() -> None:
 
 
 def test_a_force_without_a_name_is_corrected_by_forms_of_any_mechanism() -> None:
-    """Findings state only what is in; a correction takes what adds up to the force, whatever its name. On a
-    recorded level road: else a slope may be it."""
-
-    def level(force: np.ndarray | float = 0.0) -> Regression:
-        e = evidence(force)
-        return Regression(replace(e, signals=e.signals | {"grade": np.zeros(N)}))
-
-    features = next(k.features for k in kernels(level()) if k.name == UNKNOWN)
+    """Findings state only what is in; a correction takes what adds up to the force, whatever its name."""
+    features = next(k.features for k in kernels(regression(evidence())) if k.name == UNKNOWN)
     force = features @ np.random.default_rng(1).standard_normal(features.shape[1])
     force *= 0.3 / force.std()
-    p = posterior(level(force), sweeps=80)
+    p = posterior(regression(evidence(force)), sweeps=80)
     assert p.probability(UNKNOWN) == 1.0 and not simplest_terms(p)
     parts = _nameless(p, np.ones(len(p.draws.states), dtype=bool), set())
     assert parts and not any(part.paths for part in parts)

@@ -12,10 +12,9 @@ from small_drives import FORCES, N, evidence, posterior_of, regression
 from deeptruck_core.constants import GRAVITY
 from deeptruck_core.signals import FELT, FELT_SD
 from deeptruck_model.mismatch.mechanisms.air_tyres_road import HEADWIND
-from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, SLOW, UNKNOWN
+from deeptruck_model.mismatch.mechanisms.families import EACH_DRIVE, SLOW
 from deeptruck_model.mismatch.posterior.names import names
 from deeptruck_model.mismatch.posterior.posterior import (
-    SLOPE,
     Posterior,
     _lasting,
     gains,
@@ -73,15 +72,6 @@ def test_hills_that_were_not_recorded_are_a_slope() -> None:
     assert names(p).found[0].name == "road_grade"
     force, rows = p.force("road_grade"), p.regression.rows
     assert np.corrcoef(force[rows], HILLS[rows])[0, 1] > 0.95
-
-
-def test_what_follows_no_mechanism_holds_nothing_that_a_slope_does() -> None:
-    p = without_slope()
-    (slope,) = (k.features[p.regression.rows] for k in p.of if k.part == SLOPE)
-    (unknown,) = (k.features[p.regression.rows] for k in p.of if k.name == UNKNOWN)
-    slope, unknown = (np.nan_to_num(x).astype(float) for x in (slope, unknown))
-    held = slope @ np.linalg.lstsq(slope, unknown, rcond=1e-3)[0]
-    assert np.linalg.norm(held) < 0.05 * np.linalg.norm(unknown)
 
 
 def test_a_slope_that_is_left_out_of_the_library_has_no_block() -> None:
