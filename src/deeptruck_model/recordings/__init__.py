@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from deeptruck_model.recordings.several import read_all
     from deeptruck_model.recordings.splits import data_hash, split
     from deeptruck_model.recordings.suggestion import Suggestion, suggest
-    from deeptruck_model.recordings.tables.table_suggestion import TableSuggestion, suggest_columns
+    from deeptruck_model.recordings.tables.suggestion import TableSuggestion, suggest_columns
     from deeptruck_model.recordings.tables.table_writer import check_table, write_table
 
 __all__ = [
@@ -61,7 +61,7 @@ __getattr__ = lazy.names(
         "several": ("read_all",),
         "splits": ("data_hash", "split"),
         "suggestion": ("Suggestion", "suggest"),
-        "tables.table_suggestion": ("TableSuggestion", "suggest_columns"),
+        "tables.suggestion": ("TableSuggestion", "suggest_columns"),
         "tables.table_writer": ("check_table", "write_table"),
     },
 )

@@ -1,22 +1,30 @@
-"""Numbers of a bag or table that may be channels, and the YAML that proposes the most probable one
-for each.
+"""Numbers of a bag or table that may be channels, checked against one another by the rules of import, and the
+YAML that proposes the most probable one for each.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 
+from deeptruck_core.arrays import Array
+from deeptruck_core.errors import InputError
 from deeptruck_core.reading import plain
-from deeptruck_core.signals import CHANNELS
+from deeptruck_core.signals import CHANNELS, TruckInterface
+from deeptruck_model.recordings.consistency import agreement, sensors
+from deeptruck_model.recordings.extract import SIDEWAYS
+from deeptruck_model.recordings.interpolate import Series
 from deeptruck_model.recordings.message_types import Role
+from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.recordings.resample import uniform
 from deeptruck_model.recordings.survey import Field, Topic
-from deeptruck_model.recordings.units import conversion, known_units
+from deeptruck_model.recordings.topic_map import Taken
+from deeptruck_model.recordings.units import conversion, known_units, unit_of_factor
 
 NEEDED = {
     "speed": "without it there is no recording",
@@ -26,6 +34,11 @@ NEEDED = {
 OURS, TYPE, FIELD, TOPIC = 4, 3, 2, 1  # what a candidate is known by, the surest highest
 DEMANDS = ("engine_command", "brake_command")  # of these channels a command is a candidate
 SAFE = re.compile(r"[A-Za-z_/][\w/.]*")  # what YAML reads as text without quotes
+COMPARED = (  # channels that others give too, in the order in which they are checked
+    "speed", "latitude", "longitude", "elevation", "acceleration", "specific_force", "grade", "engine_speed",
+    "engine_command", "brake_command",
+)  # fmt: skip
+BESIDE = ("latitude", "longitude", "acceleration", "specific_force")  # what gives a speed
 _PLAIN_TEXT = {"yes", "no", "on", "off", "true", "false", "null", "y", "n"}
 
 
@@ -51,12 +64,7 @@ class Candidate:
     place: int = 0
     needs: str = ""
     across: str = ""  # another field of which the norm is taken with this one
-    guess: str = ""  # a unit to confirm, not proposed
     part: str = ""  # of a pedal that drives and brakes: see topic_map.PARTS
-    stated: str = ""  # by what its unit is known, where `why` does not say
-    units: tuple[str, ...] = ()  # that its numbers may be in, where that is undecided
-    counts: tuple[tuple[str, float], ...] = ()  # likewise, with scales
-    follows: bool = False  # whether it was seen to change as the speed does
 
     @property
     def order(self) -> tuple[object, ...]:
@@ -77,7 +85,7 @@ class Candidate:
         name = yaml_text(self.field.path)
         name = f"[{name}, {yaml_text(self.across)}]" if self.across else name
         source = f"topic: {yaml_text(self.topic.name)}, field: {name}" if self.topic else f"column: {name}"
-        unit = f", unit: {yaml_text(self.unit or self.guess or '?')}"
+        unit = f", unit: {yaml_text(self.unit or '?')}"
         unit += f", scale: {self.scale:g}" if self.scale != 1.0 else ""
         unit += f", offset: {self.offset:g}" if self.offset else ""
         unit += f", part: {self.part}" if self.part else ""
@@ -88,8 +96,7 @@ class Candidate:
         """The reason, and the range of values."""
         at = f" at {rate(self.topic)}" if self.topic else ""
         still = "; never changes here" if self.field.still else ""
-        why = "; ".join(filter(None, (self.why, self.stated, span(self.field))))
-        return f"{why}{at}{still}{self.beyond}"
+        return f"{self.why}; {span(self.field)}{at}{still}{self.beyond}"
 
     @property
     def beyond(self) -> str:
@@ -215,6 +222,99 @@ def by_channel(ones: Iterable[Candidate]) -> tuple[dict[str, list[Candidate]], d
     for several in (*candidates.values(), *commanded.values()):
         several.sort(key=lambda one: one.order)
     return candidates, commanded
+
+
+Values = Callable[[Candidate], tuple[Array, Array] | None]
+
+
+def settled(found: Proposal, values: Values, across: Callable[[Candidate], Candidate | None]) -> None:
+    """Check what is proposed as import would, against what was proposed before it; a candidate that import
+    would refuse is proposed no more, for the same reason, and the next one is tried.
+
+    `values` gives the times, s, and raw values, each (n,), of a candidate; `across` the other component of a
+    vector, None if it is no vector. A unit that nothing states is proposed where another channel confirms it.
+    """
+    drive: dict[str, Candidate] = {}
+    for channel in COMPARED:
+        several = found.candidates.get(channel, [])
+        others = {c: one for c in BESIDE if (one := found.taken(c))} if channel == "speed" else drive
+        for k, one in enumerate(several):
+            if one.sure != OURS and one.role is not Role.COMMANDED:
+                one = _normed(one, across, values) if channel == "speed" else one
+                several[k] = _with_unit(one, others, values)
+        several.sort(key=lambda one: one.order)
+        while (taken := found.taken(channel)) is not None and (wrong := _refused(taken, drive, values)):
+            several[0] = wrong
+            several.sort(key=lambda one: not one.unit)
+        if taken is not None:
+            drive[channel] = taken
+    try:
+        found.doubts.extend(doubt.says for doubt in sensors.doubts(_read(drive, values)))
+    except InputError as error:
+        found.doubts.append(str(error))
+
+
+def _normed(one: Candidate, across: Callable[[Candidate], Candidate | None], values: Values) -> Candidate:
+    """The norm of both components of a velocity, where the other one moves too."""
+    other = across(one)
+    moved = values(other) if other is not None else None
+    if other is None or moved is None or not np.sqrt(np.nanmean(moved[1] ** 2)) > SIDEWAYS:
+        return one
+    both = f"{one.field.path} and {other.field.path} move, as east and north: their norm"
+    return replace(one, across=other.field.path, why=f"{one.why.partition(':')[0]}: {both}")
+
+
+def _with_unit(one: Candidate, drive: Mapping[str, Candidate], values: Values) -> Candidate:
+    """The candidate in the unit in which it agrees with the channels of a drive, where none is stated."""
+    held = values(one)
+    if one.channel == "elevation" and not one.unit and "speed" in drive and drive["speed"].unit == "m/s":
+        return replace(one, unit="m", why=f"{one.why}, m beside a speed in m/s: check")
+    if one.unit or one.needs or held is None or one.channel not in agreement.MEASURED:
+        return one
+    seen = agreement.measured(one.channel, {**_series(drive, values), one.channel: Series(*held)})
+    unit = unit_of_factor(one.channel, 1.0 / seen.factor) if seen is not None else ""
+    return (
+        replace(one, unit=unit, why=f"{one.why}, {unit} is what {seen.by}: check") if unit and seen else one
+    )
+
+
+def _refused(one: Candidate, drive: Mapping[str, Candidate], values: Values) -> Candidate | None:
+    """The candidate as it has to be, if import refuses it in this drive: without its unit or, where that is
+    all, with its sign changed. None if import takes it."""
+    if one.sure == OURS or (one.channel != "speed" and "speed" not in drive):
+        return None
+    if one.channel == "speed" and one.field.low == one.field.high == 0.0 and not one.across:
+        return replace(one, unit="", needs="another source: this one is 0 all the time")
+    try:
+        doubts = sensors.doubts(_read({**drive, one.channel: one}, values))
+    except InputError as error:
+        return replace(one, unit="", needs=f"another source: {str(error).partition(': ')[2] or error}")
+    wrong = next((doubt for doubt in doubts if doubt.wrong and doubt.channel == one.channel), None)
+    if wrong is None:
+        return None
+    if wrong.factor == -1.0 and one.scale > 0.0:
+        return replace(one, scale=-one.scale, offset=-one.offset, why=f"{one.why}; its sign is turned")
+    return replace(one, unit="", needs=f"another source: {wrong.says}")
+
+
+def _series(drive: Mapping[str, Candidate], values: Values) -> dict[str, Series]:
+    """The samples of candidates in canonical units."""
+    series = {}
+    for channel, one in drive.items():
+        if (found := values(one)) is not None and one.unit:
+            convert = conversion(channel, one.unit)
+            taken = Taken(convert=convert, scale=one.scale, offset=one.offset, part=one.part)
+            with np.errstate(invalid="ignore"):
+                series[channel] = Series(found[0], taken(found[1]))
+    return series
+
+
+def _read(drive: Mapping[str, Candidate], values: Values) -> list[Recording]:
+    """A drive as import reads it; empty without a speed. Raises InputError as import does."""
+    series = _series(drive, values)
+    units = {c: conversion(c, drive[c].unit).unit for c in DEMANDS if c in series}
+    interface = TruckInterface("proposed", units.get(DEMANDS[0], "N m"), units.get(DEMANDS[1]))
+    return uniform(series, name="proposed", interface=interface) if "speed" in series else []
 
 
 def span(field: Field) -> str:

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_core.arrays import Array
+from deeptruck_core.constants import BACK_S
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.bag_facts import Clock
 
 Index = NDArray[np.int64]
 
-REORDER_NS = 1_000_000_000  # messages may overtake each other by this much; further back is a clock set back
+REORDER_NS = round(BACK_S * 1e9)
+OVERTAKEN, SELDOM = 3.0, (3, 0.01)  # usual steps by which samples do; how often, in all and of the steps
 MOST_S = 0.5  # that the stamps of two topics may differ by, at the same log time
 _SIMULATED_NS = 10**17  # stamps before 1973 are no dates
 _LOG_RUNS = 0.1  # of the stamps' own span: messages logged in less were not logged as they came
@@ -111,6 +113,24 @@ def _size(seconds: float) -> str:
     return f"{seconds:.1f} s" if seconds < 1e5 else f"{seconds:.3g} s"
 
 
+def out_of_step(time: Array) -> str:
+    """That times (n,) in s, as written, go back again and again by more than samples overtake one another; ''
+    if they do not. Sorted, such samples would be scrambled: it is not known which stamps are wrong."""
+    steps = np.diff(time)
+    back = np.flatnonzero(steps < 0.0)
+    falls = -steps[back]
+    short = falls <= BACK_S
+    far = falls > OVERTAKEN * float(np.median(np.abs(steps))) if len(steps) else short
+    if (far & short).sum() <= max(SELDOM[0], SELDOM[1] * len(steps)):
+        return ""
+    at = time[back[far & short]]
+    return (
+        f"time goes back {len(at)} times, by {np.median(falls[far & short]):.3g} s, about every "
+        f"{np.median(np.abs(np.diff(at))):.3g} s: its seconds and their fractions do not change together, or "
+        "the stamps are in no order"
+    )
+
+
 @dataclass(frozen=True)
 class InOrder:
     """Samples in the order of their stamps: stamps (n,) in ns, columns each (n,); the stamps of messages
@@ -124,7 +144,10 @@ class InOrder:
 
 def in_order(topic: str, path: Path, stamps: Index, columns: list[Array]) -> InOrder:
     """Samples as logged, stamps (n,) in ns and columns each (n,), in the order of their stamps; of equal
-    stamps the last is used. Raises InputError if time goes back by more than REORDER_NS."""
+    stamps the last is used.
+
+    Raises InputError if time goes back by more than REORDER_NS, or is out of step.
+    """
     back = np.maximum.accumulate(stamps) - stamps
     if int(back.max(initial=0)) > REORDER_NS:
         at = int(np.argmax(back > REORDER_NS))
@@ -132,6 +155,10 @@ def in_order(topic: str, path: Path, stamps: Index, columns: list[Array]) -> InO
             f"{path}: time goes back by {back[at] / 1e9:.3g} s on {topic} (message {at}): its clock was set "
             "back, a stamp is wrong, or the bag holds two runs; '--clock log' times the messages by when "
             "they were recorded"
+        )
+    if says := out_of_step((stamps - stamps[:1]) / 1e9):
+        raise InputError(
+            f"{path}: on {topic} {says}; '--clock log' times the messages by when they were recorded"
         )
     order = np.argsort(stamps, kind="stable")
     last = np.append(np.diff(stamps[order]) > 0, True)[: len(order)]

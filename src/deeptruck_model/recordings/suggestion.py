@@ -14,6 +14,7 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.reading import plain
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model.recordings.candidates import (
+    COMPARED,
     DEMANDS,
     FIELD,
     OURS,
@@ -23,9 +24,9 @@ from deeptruck_model.recordings.candidates import (
     Proposal,
     by_channel,
     rate,
+    settled,
     span,
 )
-from deeptruck_model.recordings.consistency.proposals import COMPARED, settled
 from deeptruck_model.recordings.message_types import MESSAGE_TYPES, WITH_QUATERNION, Known, Role
 from deeptruck_model.recordings.survey import Field, Survey, Topic, survey, values_of
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
@@ -86,20 +87,19 @@ def suggest(bag: str | Path, msg: Sequence[str | Path] = ()) -> Suggestion:
     found = survey(bag, msg)
     every = (_candidate(topic, field, found.interface) for topic in found.topics for field in topic.fields)
     candidates, commanded = by_channel(filter(None, every))
-    axes: list[Candidate] = []
-    for kind in ("acceleration", "specific_force"):
-        measured = [one for one in candidates.get(kind, []) if one.sure != OURS]
-        others_of = [other for one in measured for axis in "yz" if (other := _along(one, axis)) is not None]
-        candidates.get(kind, []).extend(others_of)
-        candidates.get(kind, []).sort(key=lambda one: one.order)
-        axes += others_of
+    others: set[int] = set()
+    for kind in ("acceleration", "specific_force"):  # of which another axis may be along the truck
+        several = candidates.get(kind, [])
+        axes = [o for one in several if one.sure != OURS for axis in "yz" if (o := _along(one, axis))]
+        others |= {id(one.field) for one in axes}
+        several += axes
+        several.sort(key=lambda one: one.order)
     proposal = Suggestion(candidates, commanded, found)
-    chosen = [one for several in candidates.values() for one in several]
-    chosen += [o for one in candidates.get("speed", []) if (o := _along(one, "y")) is not None]
     wanted: dict[str, dict[str, None]] = {}
-    for one in chosen:
-        if one.topic is not None and one.channel in COMPARED:
-            wanted.setdefault(one.topic.name, {})[one.field.path] = None
+    for one in (one for several in candidates.values() for one in several if one.channel in COMPARED):
+        for part in filter(None, (one, _along(one, "y") if one.channel == "speed" else None)):
+            if part.topic is not None:
+                wanted.setdefault(part.topic.name, {})[part.field.path] = None
     held = values_of(bag, {topic: [*paths] for topic, paths in wanted.items()}, msg) if wanted else {}
 
     def values(one: Candidate) -> tuple[Array, Array] | None:
@@ -109,11 +109,9 @@ def suggest(bag: str | Path, msg: Sequence[str | Path] = ()) -> Suggestion:
             return found
         return found[0], np.hypot(found[1], across[1])
 
-    others = {id(one.field) for one in axes}
-    proposal.doubts.extend(settled(proposal, values, lambda one: _along(one, "y")))
-    for kind in ("acceleration", "specific_force"):
-        measured = candidates.get(kind, [])
-        measured[:] = [one for one in measured if one.follows or id(one.field) not in others]
+    settled(proposal, values, lambda one: _along(one, "y"))
+    for several in candidates.values():  # another axis only where the first was refused for it
+        several[1:] = [one for one in several[1:] if id(one.field) not in others]
     return proposal
 
 

@@ -74,6 +74,11 @@ _LINEAR: dict[str, dict[str, tuple[float, float]]] = {
         "permille": (0.001, 0.0),
     },
 }  # fmt: skip
+_NEAR = {  # units that a column without one may be in, and by how much its factor may be off, relative
+    "speed": (0.04, ("m/s", "km/h", "mph", "ft/s", "knot", "cm/s", "mm/s")),
+    "acceleration": (0.2, ("m/s^2", "g", "ft/s^2")),
+    "grade": (0.25, ("ratio", "percent", "deg")),
+}
 _CONFUSED = (("km/h", "m/s"), ("km/h", "mph"), ("mph", "m/s"), ("knot", "km/h"), ("knot", "m/s"))
 SPEED_RATIOS = {  # of a speed in one unit to the same in another, of units that are taken for one another
     (one, other): _LINEAR["m/s"][other][0] / _LINEAR["m/s"][one][0]
@@ -137,6 +142,14 @@ def between(unit: str, other: str) -> tuple[float, float] | None:
             (a, b), (c, d) = known[one], known[two]
             return a / c, (b - d) / c
     return None
+
+
+def unit_of_factor(channel: str, factor: float) -> str:
+    """The unit that turns numbers into the canonical unit by about this factor; '' if none does."""
+    near, units = _NEAR[channel]
+    off = {unit: abs(math.log(factor / conversion(channel, unit).factor)) for unit in units if factor > 0.0}
+    best = min(off, key=lambda unit: off[unit], default="")
+    return best if best and off[best] < near else ""
 
 
 def metres_per_degree(latitude: Array | float) -> tuple[Array, Array]:

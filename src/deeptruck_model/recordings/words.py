@@ -87,13 +87,12 @@ def _kind(channel: str, named: frozenset[str]) -> str:
 
 TIME = frozenset(_DATA["time"])
 NO_TIME = frozenset(_DATA["no_time"])
-GERMAN = tuple(_DATA["german"])
-IMPERIAL, METRIC = frozenset(_DATA["imperial"]), frozenset(_DATA["metric"])
 _STEMS: dict[str, str] = _DATA["stems"]
 _WHOLE: dict[str, str] = _DATA["whole"]
 _LETTERS: dict[str, str] = _DATA["letters"]
 _BESIDE_LETTERS = frozenset(_DATA["beside_letters"])
 _SPELLINGS: dict[str, str] = _DATA["spellings"]
+_UNITS_OF_NAMES: dict[str, str] = _DATA["units_of_names"]
 _NO_CHANNEL = frozenset(_DATA["no_channel"])
 _KNOWN = frozenset(
     {word for rule in BY_WORDS.values() for one in rule.any_of for word in one}
@@ -118,7 +117,6 @@ class Header:
     words: frozenset[str]
     unit: str = ""
     stated: str = ""
-    german: bool = False
 
 
 def header(name: str, below: str = "", place: str = "in the row of units") -> Header:
@@ -138,14 +136,15 @@ def header(name: str, below: str = "", place: str = "in the row of units") -> He
     named = _english(text)
     if not unit and (found_words := sorted(named & UNIT_WORDS.keys() - {"rpm"})):
         unit, stated = UNIT_WORDS[found_words[0]], f"'{found_words[0]}' in the header"
+    if not unit and (known := next((k for k in _UNITS_OF_NAMES if k in name.lower().replace(" ", "")), "")):
+        unit, stated = _UNITS_OF_NAMES[known], "J1939, which has this name"
     if unit.lower() == "rpm":
         named |= {"rpm"}
     unit = "m/s" if unit == "ms" and named & {"speed", "velocity"} else unit
     if not unit and len(name) > 2 and (found := spelled(name, name)):  # 'km/h' as the whole header
         unit, stated = found, "the header"
         named |= {"speed"} if found in ("km/h", "mph", "m/s") else frozenset()
-    german = any(stem in _without_umlauts(name).lower() for stem in GERMAN)
-    return Header(named, unit, stated if unit else "", german)
+    return Header(named, unit, stated if unit else "")
 
 
 def sibling(name: str, others: Iterable[str]) -> str:

@@ -14,13 +14,13 @@ from deeptruck_model.recordings.consistency.accelerometer import UNRELATED, acce
 from deeptruck_model.recordings.consistency.windows import (
     CORRELATED,
     DRIVING_M_S,
-    LEAST,
     LEAST_SLOW,
     MOVING_M_S,
     SCALE,
     SLOW_S,
     WINDOW_S,
     Doubt,
+    joined,
     windows,
 )
 from deeptruck_model.recordings.interpolate import Series
@@ -31,7 +31,7 @@ from deeptruck_model.recordings.words import LEADER, header
 
 COARSE = 0.1  # of the way in a window: positions of a larger step give no speed
 LENGTHS = {"m": 1.0, "km": 1000.0, "mi": 1609.344, "ft": 0.3048}
-OTHER_SPEED = "another speed"  # name of a second speed that is compared
+MEASURED = ("speed", "acceleration", "grade")  # channels that others give too
 TRAVELLED = frozenset(("distance", "odometer", "trip", "total", "mileage"))
 NEAR_UNIT = 0.02  # relative, as tyres differ
 SPEEDS = {ratio: f"{one} read as {other}" for (one, other), ratio in SPEED_RATIOS.items()}  # times too large
@@ -39,26 +39,12 @@ ACCELEROMETERS = {  # the same, compared with an accelerometer that is read so
     1 / 9.80665: "an accelerometer in m/s^2 read as g",
     9.80665: "an accelerometer in g read as m/s^2",
 }
-SLOPES = {  # what gravity has to a slope that is read so
-    -1.0: "uphill is positive: give it 'scale: -1'",
-    0.573: "percent read as degrees, or a speed in mph read as km/h? Give both their units",
-    1.745: "degrees read as percent, or a speed in km/h read as mph? Give both their units",
-    100.0: "a ratio read as percent? Give it its unit",
-    1 / 3.6: "a speed in m/s read as km/h? Give it its unit",
-    3.6: "a speed in km/h read as m/s? Give it its unit",
-}
-OTHER_SLOPE = "is it of this road, on this clock and in its unit?"
-NEAR_SLOPE = 0.15  # relative: wheels and engine turn with the truck
-WEIGHTED = 0.25  # by which gravity may seem to differ, as engine and tyres are not known; and standard errors
-TOWN_M_S, TURNING = 10.0, 0.5  # below this median speed low gears are driven, whose turning engine halves it
-DRIVEN_SD, BLOCKS = 4.0, 10  # parts that are left out in turn
-LEAST_DRIVEN = 10 * BLOCKS  # windows without brakes: a part holds more than the regression has terms
-
 LEAST_VARIED = 20  # windows by which one is seen not to follow the other
 VARIED_M_S = 1.0  # standard deviation of speeds that can be correlated
 # of differences between windows: m/s^2 of dv/dt and slope that can be correlated; correlation of a body's
 # pitch, and its share of the slope that would slow a truck as much
 LEAST_CHANGE, LEAST_PITCH, PITCHED, MOST_PITCH = 0.1, 0.0005, 0.8, 0.4
+LEAST_SLOPE, STEPS = 0.005, 2.0  # standard deviation of slopes by heights; the same in steps of these
 GRADE_OFF, OFF_SD = 0.01, 5.0  # slope, and standard errors, that a grade may be off on average
 STEP_S = 0.1  # of a drive that is put together for a comparison
 
@@ -92,18 +78,8 @@ def comparisons(recordings: Sequence[Recording], channel: str) -> Iterator[Compa
         by = "the derivative of speed gives" if channel == "acceleration" else "acceleration gives"
         yield Comparison(by, factor, found.correlation)
     if channel == "speed":
-        yield from _speed_by_speed(recordings)
         yield from _speed_by_places(recordings)
         yield from _speed_by_distance(recordings)
-
-
-def _speed_by_speed(recordings: Sequence[Recording]) -> Iterator[Comparison]:
-    _, speed, other = windows(recordings, WINDOW_S, "speed", "speed", OTHER_SPEED)
-    use = np.isfinite(speed) & np.isfinite(other)
-    speed, other = speed[use], other[use]
-    if len(speed) >= LEAST and speed.std() and other.std():
-        factor = float(speed @ other / (other @ other))
-        yield Comparison("another speed gives", factor, float(np.corrcoef(speed, other)[0, 1]))
 
 
 def _speed_by_places(recordings: Sequence[Recording]) -> Iterator[Comparison]:
@@ -167,16 +143,16 @@ def speed_doubts(recordings: Sequence[Recording]) -> Iterator[Doubt]:
 
 
 def measured(channel: str, series: Mapping[str, Series]) -> Seen | None:
-    """The factor of a speed, in whatever unit, to places, a distance or an accelerometer; None without any.
+    """The factor of one of MEASURED, in whatever unit, to what another channel gives: of a speed places or a
+    distance, else an accelerometer; None without any.
 
-    `series` are the channels as they came; the speed need not be possible.
+    `series` are the channels as they came; those of `channel` need not be possible.
     """
-    if channel != "speed" or "speed" not in series:
+    if channel not in MEASURED or not {channel, "speed"} <= series.keys():
         return None
-    found = list(comparisons([as_drive(series)], "speed"))
+    found = comparisons([as_drive(series)], channel)
     sound = [one for one in found if one.factor > 0.0 and not one.correlation < CORRELATED]
-    places = [one for one in sound if np.isnan(one.correlation) or "acceleration" not in one.by]
-    best = next(iter([*places, *sound]), None)
+    best = next((one for one in sound if "acceleration" not in one.by), next(iter(sound), None))
     return None if best is None else Seen(best.by, best.factor)
 
 
@@ -200,7 +176,7 @@ def metres_of(name: str) -> float:
 
 
 def grade_doubts(recordings: Sequence[Recording]) -> Iterator[Doubt]:
-    """The doubt from the body's pitch or from heights; where there is none, that from the motion."""
+    """The doubt from the body's pitch or from heights."""
     without = (
         ", and it is derived from elevation" if any("elevation" in r.channels for r in recordings) else ""
     )
@@ -238,8 +214,6 @@ def grade_doubts(recordings: Sequence[Recording]) -> Iterator[Doubt]:
             f"grade is {off:+.3f} off what height over distance gives: correct it by 'offset', or leave it "
             f"out{without}",
         )
-        return
-    yield from _grade_by_motion(recordings)
 
 
 def _pitch(recordings: Sequence[Recording]) -> Comparison | None:
@@ -267,49 +241,15 @@ def _grade_offset(recordings: Sequence[Recording]) -> float:
     return off if abs(off) > max(GRADE_OFF, OFF_SD * error) else 0.0
 
 
-def _grade_by_motion(recordings: Sequence[Recording]) -> Iterator[Doubt]:
-    """The slope by its share in dv/dt, which gravity makes -g: robust least squares with engine command, its
-    power, speed and its square, while no brake acts."""
-    names = ("grade", "engine_command", "brake_command", "speed")
-    rise, grade, engine, brake, speed = windows(recordings, WINDOW_S, "speed", *names)
-    fall = GRAVITY * np.sin(np.arctan(grade))
-    braked = brake > 0.0
-    braked[1:] |= braked[:-1]  # brakes let go late
-    use = np.isfinite(rise + fall + engine) & (speed > DRIVING_M_S) & ~braked
-    if use.sum() < LEAST_DRIVEN or not all(x[use].std() for x in (rise, fall, engine)):
-        return
-    rise, fall, engine, speed = rise[use], fall[use], engine[use], speed[use]
-    X = np.stack([fall, engine, engine / speed, engine > 0.0, speed, speed**2, np.ones(len(speed))], axis=1)
-    scale = float(np.abs(fall).max())
-    X = X / np.abs(X).max(axis=0)
-    w = np.ones(len(rise))
-    for _ in range(8):  # gear changes must not decide
-        e = rise - X @ _solved(X, rise, w)
-        w = 1.0 / (1.0 + (e / max(2.0 * 1.4826 * float(np.median(np.abs(e))), 1e-9)) ** 2)
-    blocks = np.arange(len(w)) * BLOCKS // len(w)  # windows that follow one another are not independent
-    each = [-_solved(X, rise, w * (blocks != k))[0] / scale for k in range(BLOCKS)]
-    factor, sd = float(-_solved(X, rise, w)[0] / scale), float(np.sqrt(BLOCKS - 1.0) * np.std(each))
-    less = TURNING if np.median(speed) < TOWN_M_S else WEIGHTED
-    if not -less - DRIVEN_SD * sd <= factor - 1.0 <= WEIGHTED + DRIVEN_SD * sd:
-        why = min(SLOPES, key=lambda known: abs(factor / known - 1.0))
-        near = abs(factor / why - 1.0) < NEAR_SLOPE + DRIVEN_SD * sd / abs(why)
-        says = SLOPES[why] if near else OTHER_SLOPE
-        yield Doubt(
-            "grade",
-            f"the truck feels {factor:.2f} (+- {2.0 * sd:.2f}) times the recorded grade in its speed: {says}",
-            factor=1.0 / factor,
-        )
-
-
-def _solved(X: Array, y: Array, weights: Array) -> Array:
-    """Weighted least squares of y (n,) on the columns of X."""
-    root = np.sqrt(weights)
-    return np.asarray(np.linalg.lstsq(X * root[:, None], y * root, rcond=None)[0])
-
-
 def _grade_by_height(recordings: Sequence[Recording]) -> Iterator[Comparison]:
+    """Only where heights vary by more than their resolution, which those of a flat road in steps of 1 m do
+    not."""
     rise, grade = _slopes_of_height(recordings)
-    if len(rise) >= LEAST_SLOW and rise.std() >= 0.005 and grade.std():
+    heights = [r.channels["elevation"] for r in recordings if "elevation" in r.channels]
+    speed = joined(recordings, "speed")
+    pace = float(np.median(speed[speed > DRIVING_M_S])) if len(rise) else 1.0
+    least = max(LEAST_SLOPE, STEPS * max(map(_resolution, heights), default=0.0) / (SLOW_S * pace))
+    if len(rise) >= LEAST_SLOW and rise.std() >= least and grade.std():
         factor = float(grade @ rise / (rise @ rise))
         found = float(np.corrcoef(rise, grade)[0, 1])
         yield Comparison("height over distance gives", factor, found, windows=len(rise))

@@ -52,6 +52,7 @@ FREEZES = {
 }
 FUEL = ("g/s", "cm^3/s")  # units of an engine command that is measured
 PLACE_S, MOVED_M_S = 10.0, 3.0  # over which positions move by so much; receivers that stand drift by less
+NO_SPEED = 0.05  # m/s: less is the noise of a speed that is not written
 ZERO_S = 8.0  # of zero in a row, in whose halves positions move on; receivers are late by less
 ZERO_SAMPLES, ZERO_SHARE = 10, 0.7  # on each side of a changed zero; of the jump that stays
 NEAR_RATIO = 0.015  # relative
@@ -60,6 +61,9 @@ MOST_JUMPS, LEAST_JUMPS = 0.02, 10  # of the steps that no truck makes; more are
 NONE_SHARE, FULL_STEP = -1.0, 5.0  # percent: written for no value by some loggers; reached by such a step
 PEDAL, CODES = 100.4, (101.6, 102.0)  # percent: largest of a pedal, and its codes for error and no value
 ZERO_BYTE = -125.0  # percent torque of a byte of zero: no engine retards by that
+LEAST_TURNS, MOST_TURNS = 40, 8  # samples to judge by, and apart that one of another sender stands
+SMOOTHER, JUMPS = 0.3, 3.0  # of the usual step without it; resolutions that a jump to it has
+GOES_ON = 1.5  # times the usual step that two steps are of what goes on smoothly, which is 2
 DROPPED = "that jump to a number for no value and back"
 UNAVAILABLE = "of a code for 'not available'"
 SPIKES = "that jump away and back faster than any truck"
@@ -187,9 +191,9 @@ class Places:
 
 
 def moving_at_zero(time: Array, speed: Array, places: Sequence[Places]) -> Mask:
-    """Samples (n,) of zero speed while positions move on, before and behind: zero written for no value."""
+    """Samples (n,) of no speed while positions move on, before and behind: zero written for no value."""
     found = np.zeros(len(time), dtype=bool)
-    zero = np.flatnonzero(speed == 0.0)
+    zero = np.flatnonzero(np.abs(speed) < NO_SPEED)
     inside = zero[(time[zero] >= time[0] + PLACE_S) & (time[zero] <= time[-1] - PLACE_S)]
     edges = np.flatnonzero(np.diff(zero, prepend=-2, append=len(time) + 1) > 1)
     runs = [(zero[i], zero[j - 1]) for i, j in pairwise(edges)]
@@ -231,7 +235,7 @@ def lost_decimals(values: Array) -> str:
     """That numbers (n,) of something that changes slowly differ by factors of ten from one to the next, as
     where a decimal point was lost: 54.0 became 540, and 54.49 became 5449; '' if they do not."""
     v = values[np.isfinite(values) & (values > 0.0)]
-    if len(v) < 2:
+    if len(v) < 2 or v.max() < 1.0:
         return ""
     decades = np.abs(np.diff(np.log10(v)))
     tenfold = (np.rint(decades) >= 1.0) & (np.abs(decades - np.rint(decades)) < TENFOLD)
@@ -266,6 +270,24 @@ def changed_unit(time: Array, speed: Array) -> str:
         if what and steps < step[k] / NOISE:
             return f"jumps from {v[k]:.4g} to {v[k + 1]:.4g} at {moment(t[k + 1])} and stays, as from {what}"
     return ""
+
+
+def senders(values: Array) -> int:
+    """How many samples (n,) apart those of another sender stand, such as 4 where every fourth is another
+    one's; 0 if all are of one. Without its samples what is left goes on smoothly."""
+    v = values[np.isfinite(values)]
+    if len(v) < LEAST_TURNS:
+        return 0
+    steps = np.abs(np.diff(v))
+    usual, fine = float(steps.mean()), float(np.diff(np.unique(v)).min(initial=np.inf))
+    if np.abs(v[2:] - v[:-2]).mean() > GOES_ON * usual or not np.quantile(steps, 0.8) > JUMPS * fine:
+        return 0
+    for every in range(2, MOST_TURNS + 1):
+        for k in range(every):
+            left = v[np.arange(len(v)) % every != k]
+            if np.abs(np.diff(left)).mean() < SMOOTHER * usual:
+                return every
+    return 0
 
 
 def impossible_steps(channel: str, time: Array, values: Array) -> tuple[int, int]:

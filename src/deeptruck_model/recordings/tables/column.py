@@ -20,7 +20,7 @@ from deeptruck_model.recordings.words import Header, header, spelled
 
 LOOKED_AT = 5000  # rows by which the decimal mark is found
 MOST_ABOVE = 3  # rows of units above the numbers
-NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
+NUMBER = r"^[+-]?((\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|(?i:nan|inf|infinity))$"
 WITH_UNIT = r"^(?P<number>[+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\d\s.,:/+-]\D*\d?)$"
 IN_UNITS = 0.9  # of the filled cells; fewer with a unit behind their number are notes
 STATES = {  # words of switches
@@ -201,21 +201,10 @@ def floats(cells: pa.ChunkedArray, decimal: str) -> tuple[Array, Mask]:
     numbers."""
     if decimal != ".":
         cells = pc.replace_substring(_without_thousands(cells), decimal, ".")
-    try:
-        values: Array = cells.cast(pa.float64()).fill_null(np.nan).to_numpy().astype(np.float64)
-        return values, np.zeros(len(cells), dtype=bool)
-    except pa.ArrowInvalid:
-        pass  # some cell is no number
     plain = pc.fill_null(pc.match_substring_regex(cells, NUMBER), False)
     numbers = pc.if_else(plain, cells, pa.scalar(None, pa.string()))
     values = numbers.cast(pa.float64()).fill_null(np.nan).to_numpy().astype(np.float64)
-    others = np.flatnonzero(pc.and_(pc.is_valid(cells), pc.invert(plain)).to_numpy())
-    unreadable = np.zeros(len(cells), dtype=bool)
-    for row, cell in zip(others, cells.take(pa.array(others)).to_pylist(), strict=True):
-        word = cell.lower().lstrip("+-")
-        unreadable[row] = word not in ("nan", "inf", "infinity")
-        values[row] = np.nan if unreadable[row] else float(cell)
-    return values, unreadable
+    return values, pc.and_(pc.is_valid(cells), pc.invert(plain)).to_numpy()
 
 
 def _without_thousands(cells: pa.ChunkedArray) -> pa.ChunkedArray:
@@ -236,8 +225,8 @@ def _without_thousands(cells: pa.ChunkedArray) -> pa.ChunkedArray:
 
 
 def decimal_mark(columns: Sequence[pa.ChunkedArray], delimiter: str) -> str:
-    """The decimal mark of a table: a comma if cells have one and none has a point. Between commas, where
-    every such cell could be of thousands (1,300), it stays a point."""
+    """The decimal mark of a table, decided here for all its columns: a comma if cells have one and none has a
+    point. Between commas, where every such cell could be of thousands (1,300), it stays a point."""
     if any(has_mark(column, ".") for column in columns):
         return "."
     commas = [column for column in columns if has_mark(column, ",")]

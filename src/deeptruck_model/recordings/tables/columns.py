@@ -16,6 +16,7 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.schema import check
 from deeptruck_core.vehicle_kinds import check_vehicle
 from deeptruck_model.recordings import schemas
+from deeptruck_model.recordings.candidates import yaml_text
 from deeptruck_model.recordings.schemas import DATE_UNITS, EXTRA, SPLITS
 from deeptruck_model.recordings.tables.csv_text import Format
 from deeptruck_model.recordings.topic_map import Source, load_yaml, sources
@@ -31,6 +32,14 @@ class Clock:
     unit: str = "s"
     format: str | None = None
     rate_hz: float = 1.0
+
+    @property
+    def line(self) -> str:
+        """The line `time:` of COLUMNS.yaml."""
+        names = [yaml_text(name) for name in self.columns]
+        column = names[0] if len(names) == 1 else f"[{', '.join(names)}]"
+        how = f', format: "{self.format}"' if self.format else f", unit: {self.unit}" if self.unit else ""
+        return f"time: {{column: {column}{how}}}"
 
 
 @dataclass(frozen=True)

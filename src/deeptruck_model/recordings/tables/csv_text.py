@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -24,12 +25,12 @@ from deeptruck_model.recordings.words import spelled
 
 DELIMITERS = ",;\t| "  # one of these is found by the header where none is given; blanks may be several
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
-_OTHER_BREAKS = {"\v", "\f", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029"}  # of splitlines alone
 SAMPLED = 100  # rows by which the number of cells of a row is found
 RAGGED = "with more or fewer cells than the header"
 UNCLOSED = "inside a quotation mark that is not closed in its line"
 BLANK = "without a filled cell"
 LOOKED_AT = 1000  # lines in which header and delimiter are looked for
+FEW = 0.2  # of the rows: so many different cells at most are codes
 MOST_HEAD = 2**20  # characters of those lines
 NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?%?$")
 _DATE = re.compile(r".*\d{1,4}[-./]\d{1,2}[-./]\d{1,4}|.*\d{1,2}:\d{2}")
@@ -39,16 +40,12 @@ _OF_UNIT = re.compile(WITH_UNIT)
 @dataclass(frozen=True)
 class Format:
     """How a table is written, by the keys of COLUMNS.yaml; Parquet and MAT need none. Without a delimiter it
-    is found in the header, without a decimal mark in the numbers.
-
-    `described` has a line for each column above the header, as loggers list their channels.
-    """
+    is found in the header, without a decimal mark in the numbers."""
 
     delimiter: str | None = None
     encoding: str = "utf-8"
     skip_rows: int = 0
     decimal: str = ""
-    described: tuple[str, ...] = ()
 
 
 def content(path: Path, encoding: str | None) -> tuple[bytes, str]:
@@ -102,25 +99,25 @@ def find_format(path: Path) -> Format:
             "write COLUMNS.yaml by hand (docs/recordings.md)"
         )
     if rows == 0:
+        if codes := _codes(lines, best) if columns == 2 else "":
+            raise InputError(
+                f"{path} has a code and a value in each row ({codes}), and none has a time: write a table of "
+                "time, name and value, with these words as its first line, the time in each row, and a name "
+                "such as 'Speed (km/h)' for each code"
+            )
         first = next((k for k, line in enumerate(lines) if len(line.split(best)) == columns), 0)
         raise InputError(
             f"{path} has no header: add a line with the columns' names above its numbers"
             f"{_listed(lines[:first], columns, best)}"
         )
-    return Format(best, encoding, header, described=_described(lines[:header], columns))
+    return Format(best, encoding, header)
 
 
-def _described(above: Sequence[str], columns: int) -> tuple[str, ...]:
-    """As many lines above the header as it has columns, between blank lines or [sections]; () for none."""
-    block: list[str] = []
-    for line in [*map(str.strip, above), ""]:
-        if line and not line.startswith("["):
-            block.append(line)
-        elif len(block) == columns:
-            return tuple(block)
-        else:
-            block = []
-    return ()
+def _codes(lines: Sequence[str], delimiter: str) -> str:
+    """The first cells of rows where these are a few codes that come again; '' if they are not."""
+    first = [line.split(delimiter)[0].strip() for line in lines if line]
+    found = list(dict.fromkeys(first))
+    return ", ".join(map(reading.plain, found[:4])) if len(found) < FEW * len(first) else ""
 
 
 def _listed(above: Sequence[str], columns: int, delimiter: str) -> str:
@@ -184,113 +181,117 @@ def is_value(cell: str) -> bool:
     return cell.lower() in words or any(one.match(cell) for one in (NUMBER, _DATE, _OF_UNIT))
 
 
-class CsvText:
-    """A text table: its header, and its lines as rows.
+class Rows(NamedTuple):
+    """The rows of a text table, cells as text; the names of their columns; the number (n,) of each row's
+    line, from 0 on below the `begin` lines before and in the header; and what parts the cells."""
 
-    A row is a line: a quotation mark that is not closed in its line would make one cell of all that follows,
-    so such a line is set aside.
+    table: pa.Table
+    names: list[str]
+    numbers: NDArray[np.int64]
+    begin: int
+    delimiter: str
+
+
+def read_csv(path: Path, form: Format, account: Account) -> Rows:
+    """The rows of a text table, which `account` counts.
+
+    A row is a line. What has another number of cells than the header is omitted and counted; a quotation mark
+    that is not closed in its line would make one cell of all that follows, so such a line is omitted too.
+    Raises InputError for a table without rows, and if most do not fit the header.
     """
+    data, _ = content(path, form.encoding)
+    data = single_blanks(data) if form.delimiter == " " else data
+    text = data.decode().replace("\r\n", "\n").replace("\r", "\n")
+    lines = text.split("\n")
+    delimiter, skipped = form.delimiter, form.skip_rows
+    marked = re.fullmatch(r"sep=(.)", lines[0].strip().strip('"')) if not skipped else None
+    if marked:  # as Excel writes it
+        delimiter, skipped = delimiter or marked[1], 1
+    if delimiter is None:
+        counts = {mark: len(_names(lines, skipped, mark)[0]) for mark in DELIMITERS.strip()}
+        delimiter = "," if counts[","] > 1 else max(counts, key=lambda mark: counts[mark])
+    header, begin = _names(lines, skipped, delimiter)
+    body = lines[begin:]
+    if not any(map(str.strip, body)):
+        raise InputError(f"{path} is empty: it has no rows below its header")
+    count = _cells_in_a_row(header, body, delimiter)
+    omitted: list[tuple[int, str, int]] = []  # row, reason, cells
+    for k, line in enumerate(body) if '"' in text else ():
+        if line.count('"') % 2:
+            omitted.append((k, UNCLOSED, 0))
+            body[k] = ""
+        elif '"' in line:
+            body[k] = _line(next(text_csv.reader([line], delimiter=delimiter)), delimiter)
+    table, others = _parsed(body, count, delimiter)
+    trailing = {k: cells for k, cells in others.items() if count >= _filled(cells) and len(cells) > count}
+    if trailing:  # delimiters behind the last cell of some rows
+        for k, cells in trailing.items():
+            body[k] = _line(cells[:count], delimiter)
+        table, others = _parsed(body, count, delimiter)
+    omitted += [(k, RAGGED if _filled(cells) else BLANK, len(cells)) for k, cells in others.items()]
+    filled = np.flatnonzero([bool(line) for line in body])
+    account.total.read += table.num_rows + len(omitted)
+    for row, reason, _ in sorted(omitted):
+        account.total.set_aside(reason, f"line {begin + row + 1}")
+    if len(omitted) > table.num_rows:
+        row, _, width = min(omitted)
+        raise _no_rows(path, _filled(header), width, begin + row + 1, account, delimiter)
+    rows = filled[~np.isin(filled, [row for row, _, _ in omitted])]
+    return Rows(table, (header + [""] * count)[:count], rows, begin, delimiter)
 
-    def __init__(self, path: Path, form: Format, account: Account) -> None:
-        self.path, self.account = path, account
-        data, _ = content(path, form.encoding)
-        text = (single_blanks(data) if form.delimiter == " " else data).decode()
-        self.lines = text.splitlines() if not set(text) & _OTHER_BREAKS else re.split("\r\n|\n|\r", text)
-        delimiter, self.skip_rows = form.delimiter, form.skip_rows
-        first = self.lines[0].strip().strip('"') if self.lines else ""
-        if self.skip_rows == 0 and re.fullmatch(r"sep=.", first):  # as Excel writes it
-            delimiter, self.skip_rows = delimiter or first[-1], 1
-        self.delimiter = delimiter or self._found_delimiter()
-        self.header, self.begin = self._header(self.delimiter)
 
-    def _found_delimiter(self) -> str:
-        counts = {mark: len(self._header(mark)[0]) for mark in DELIMITERS.strip()}
-        return "," if counts[","] > 1 else max(counts, key=lambda mark: counts[mark])
+def _parsed(body: Sequence[str], count: int, delimiter: str) -> tuple[pa.Table, dict[int, list[str]]]:
+    """The rows of so many cells, as text, and the cells of the others by their lines."""
+    filled = np.flatnonzero([bool(line) for line in body])
+    others: dict[int, list[str]] = {}
 
-    def _header(self, delimiter: str) -> tuple[list[str], int]:
-        """Names, and the number of lines before and in the header, whose cells may hold line breaks."""
-        below = (f"{line}\n" for line in self.lines[self.skip_rows :])
-        records = text_csv.reader(below, delimiter=delimiter)
-        header = without_mark(next(filter(None, records), []))
-        return [name.replace("\n", " ") for name in header], self.skip_rows + records.line_num
+    def other(row: csv.InvalidRow) -> str:
+        others[int(filled[row.number - 1])] = next(text_csv.reader([row.text], delimiter=delimiter), [])
+        return "skip"
 
-    def read(self) -> tuple[pa.Table, list[str], NDArray[np.int64]]:
-        """The rows, the names of their columns, and the number of their lines, from 0 below the header."""
-        if not any(line.strip() for line in self.lines[self.begin :]):
-            raise InputError(f"{self.path} is empty: it has no rows below its header")
-        names = self._names()
-        first, kept, numbers = "", list[str](), list[int]()
-        body, mark, marks = self.lines[self.begin :], self.delimiter, len(names) - 1
-        self.account.total.read += sum(map(bool, body))
-        for number, line in enumerate(body):
-            if not line:
-                continue
-            if '"' in line or line.count(mark) != marks:
-                cells, reason = self._cells(line, len(names))
-                if reason:
-                    where = f"line {self.begin + number + 1}"
-                    self.account.total.set_aside(reason, where)
-                    first = first or f"{where} with {len(cells)}"
-                    continue
-                line = mark.join('"{}"'.format(cell.replace('"', '""')) for cell in cells)
-            kept.append(line)
-            numbers.append(number)
-        if self.account.total.left_out > len(numbers):
-            self._refuse(first)
-        columns = [str(k) for k in range(len(names))]
-        text = dict.fromkeys(columns, pa.string())
-        convert = csv.ConvertOptions(column_types=text, strings_can_be_null=True, null_values=[""])
-        data = "\n".join(kept).encode()
-        read = csv.ReadOptions(column_names=columns, use_threads=False, block_size=min(len(data) + 1, 2**30))
-        parse = csv.ParseOptions(delimiter=mark)
-        table = csv.read_csv(pa.BufferReader(data), read, parse, convert)
-        return table, names, np.array(numbers, np.int64)
+    columns = [str(k) for k in range(count)]
+    convert = csv.ConvertOptions(
+        column_types=dict.fromkeys(columns, pa.string()), strings_can_be_null=True, null_values=[""]
+    )
+    text = "\n".join(body).encode()
+    read = csv.ReadOptions(column_names=columns, use_threads=False, block_size=min(len(text) + 1, 2**30))
+    parse = csv.ParseOptions(delimiter=delimiter, invalid_row_handler=other)
+    return csv.read_csv(pa.BufferReader(text), read, parse, convert), others
 
-    def _cells(self, line: str, count: int) -> tuple[list[str], str]:
-        """The cells of a row, and the reason for which it is none."""
-        if '"' not in line:
-            cells = line.split(self.delimiter)
-        elif line.count('"') % 2:
-            return [], UNCLOSED
-        else:
-            cells = next(text_csv.reader([line], delimiter=self.delimiter), [])
-        if len(cells) == count:
-            return cells, ""
-        filled = _filled(cells)
-        if not filled:
-            return cells, BLANK
-        if _filled(self.header) <= len(cells) and filled <= count:
-            return (cells + [""] * count)[:count], ""
-        return cells, RAGGED
 
-    def _names(self) -> list[str]:
-        """The header with as many cells as most rows have; additional cells are blank."""
-        some = [line for line in self.lines[self.begin : self.begin + SAMPLED] if line]
-        rows = [self._cells(line, -1)[0] for line in some]
-        lengths = [len(cells) for cells in rows if cells]
-        usual = max(set(lengths), key=lengths.count) if lengths else len(self.header)
-        count = max(usual, _filled(self.header))
-        if any(_filled(cells) > len(self.header) for cells in rows if len(cells) == usual):
-            return self.header
-        return (self.header + [""] * count)[:count]
+def _line(cells: Sequence[str], delimiter: str) -> str:
+    return delimiter.join('"{}"'.format(cell.replace('"', '""')) for cell in cells)
 
-    def _refuse(self, first: str) -> None:
-        """Raises InputError for a table in which most rows do not fit the header."""
-        cure = "set 'delimiter', or 'skip_rows' where the header comes later"
-        count, read, left = _filled(self.header), self.account.total.read, self.account.total.left_out
-        few = "none" if left == read else f"only {read - left}"
-        if count > 2 and first.endswith(f" with {count + 1}"):  # with two columns it is a decimal comma
-            cure = (
-                f"a value with '{self.delimiter}' in it, such as 1,234 or 50.1,8.2, must be quoted, or {cure}"
-            )
-        raise InputError(
-            f"{self.path} is no table as it is read: its header has {count} cell{'s' if count != 1 else ''}, "
-            f"and {few} of the {read} rows below has as many; {cure} (first {first})"
-        )
 
-    def place(self, row: int) -> str:
-        """The line of a row, by its number below the header."""
-        return f"line {self.begin + row + 1}"
+def _names(lines: Sequence[str], skipped: int, delimiter: str) -> tuple[list[str], int]:
+    """Names of the header, and the number of lines before and in it, whose cells may hold line breaks."""
+    records = text_csv.reader((f"{line}\n" for line in lines[skipped:]), delimiter=delimiter)
+    header = without_mark(next(filter(None, records), []))
+    return [name.replace("\n", " ") for name in header], skipped + records.line_num
+
+
+def _cells_in_a_row(header: list[str], body: Sequence[str], delimiter: str) -> int:
+    """As many as most rows have, where those beyond the header are blank; at least those of the header."""
+    some = text_csv.reader([line for line in body[:SAMPLED] if line.count('"') % 2 == 0], delimiter=delimiter)
+    rows = [row for row in some if row]
+    lengths = [len(row) for row in rows]
+    usual = max(set(lengths), key=lengths.count) if lengths else len(header)
+    if any(_filled(row) > len(header) for row in rows if len(row) == usual):
+        return len(header)
+    return max(usual, _filled(header))
+
+
+def _no_rows(path: Path, count: int, cells: int, line: int, account: Account, mark: str) -> InputError:
+    """The error that most rows do not fit the header."""
+    cure = "set 'delimiter', or 'skip_rows' where the header comes later"
+    read, left = account.total.read, account.total.left_out
+    few = "none" if left == read else f"only {read - left}"
+    if count > 2 and cells == count + 1:  # with two columns it is a decimal comma
+        cure = f"a value with '{mark}' in it, such as 1,234 or 50.1,8.2, must be quoted, or {cure}"
+    return InputError(
+        f"{path} is no table as it is read: its header has {count} cell{'s' if count != 1 else ''}, and "
+        f"{few} of the {read} rows below has as many; {cure} (first line {line} with {cells})"
+    )
 
 
 def single_blanks(data: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""The time of each row of a table: numbers of a unit, dates, times of day, or Parquet time types.
+"""The clock of a table: which columns may be one, and the time of each row.
 
 Whole numbers and dates stay integers until the first is subtracted: a float resolves an epoch in ns only to
 256 ns.
@@ -7,8 +7,7 @@ Whole numbers and dates stay integers until the first is subtracted: a float res
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -22,16 +21,27 @@ from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.constants import APART_S, BACK_S, DAY_S, HOUR_S, RETURN_S, TRUSTED
 from deeptruck_core.errors import InputError
 from deeptruck_core.reading import quoted
+from deeptruck_model.recordings.clocks import out_of_step
 from deeptruck_model.recordings.schemas import DATE_UNITS
+from deeptruck_model.recordings.tables.column import MOST_ABOVE, Column
 from deeptruck_model.recordings.tables.columns import Clock
-from deeptruck_model.recordings.tables.table import Table, settled
+from deeptruck_model.recordings.tables.csv_text import NUMBER
+from deeptruck_model.recordings.tables.mixtures import settled
+from deeptruck_model.recordings.tables.table import Table
 from deeptruck_model.recordings.units import TIME_UNITS
+from deeptruck_model.recordings.words import NO_TIME, TIME
 
 SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
+USUAL_S = (0.004, 4.0)  # between rows: in one unit alone of s, ms, us and ns
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+EPOCHS = (  # what counts from 1970, or the days of Excel and Matlab
+    (9e8, 5e9, "s"), (9e11, 5e12, "ms"), (9e14, 5e15, "us"), (9e17, 5e18, "ns"),
+    (2e4, 8e4, "days"), (6e5, 8e5, "days"),
+)  # fmt: skip
 MOST_BACK = 0.05  # of the rows; where more go back, they are in no order
-LEAST_SERIES = 10  # columns that differ by a number
 SAID = 5  # remarks on one table's clock
+DATE_ALONE = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}")
+DAY_ALONE = re.compile(r"\d{1,2}:\d{2}(:\d{2}.*)?")
 OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d+))?)?")
 OF_DATE = re.compile(
     r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})(?:[T _-]+(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d+))?)?)?"
@@ -50,62 +60,138 @@ USUAL = (  # formats that are proposed where one of them fits
 )  # fmt: skip
 
 
+def clocks_of(table: Table) -> Iterator[tuple[Clock, str]]:
+    """The clocks that a table may have, by headers and first cells, each with the reason for it."""
+    first = {name: _first(column) for name, column in table.columns.items()}
+    dates = [name for name, cell in first.items() if DATE_ALONE.fullmatch(cell)]
+    days = [name for name, cell in first.items() if DAY_ALONE.fullmatch(cell)]
+    for date in dates:
+        for day in days:
+            yield from _of_dates((date, day), f"{first[date]} {first[day]}")
+    for k, (name, column) in enumerate(table.columns.items()):
+        words, unit = column.header.words, column.header.unit
+        if column.is_temporal:
+            yield Clock((name,), unit=""), f"'{name}' has the type {column.raw.type}"
+        elif NUMBER.fullmatch(first[name]):
+            if (words & TIME or (unit in TIME_UNITS and _even(column))) and not words & NO_TIME:
+                yield from _of_numbers(column)
+        elif name not in dates and (words & TIME or k == 0):
+            yield from _of_dates((name,), first[name])
+
+
+def _first(column: Column) -> str:
+    """The first filled cell below a row of units."""
+    try:
+        cells = column.cells
+    except InputError:
+        return ""
+    some = [str(cell) for cell in cells[: MOST_ABOVE + 200].to_pylist() if cell]
+    return next((cell for cell in some if re.search(r"\d", cell)), "")
+
+
+def _even(column: Column) -> bool:
+    """Whether the numbers of a column rise from row to row by about the same step."""
+    steps = np.diff(column.values)
+    steps = steps[np.isfinite(steps)]
+    return len(steps) > 1 and bool((steps > 0.0).all() and steps.std() < 0.5 * steps.mean())
+
+
+def _of_dates(names: tuple[str, ...], cell: str) -> Iterator[tuple[Clock, str]]:
+    """Clocks of dates or times of day in the format of this cell."""
+    quoted_names = " and ".join(f"'{name}'" for name in names)
+    why = f"{quoted_names} as {cell}"
+    if OF_DAY.fullmatch(cell) or _date_us(cell) is not None:
+        yield Clock(names, unit="iso"), why
+        return
+    for form in usual_formats(cell):
+        yield Clock(names, format=form), why
+
+
+def _of_numbers(column: Column) -> Iterator[tuple[Clock, str]]:
+    """The clock of a column of numbers: in its unit, without marks, since 1970, or as rows are apart."""
+    name, unit = column.name, column.header.unit
+    values = column.values[np.isfinite(column.values)]
+    step = float(np.median(np.abs(np.diff(values)))) if len(values) > 1 else np.nan
+    epochs = (one for low, high, one in EPOCHS if len(values) and low <= values[0] < high)
+    if unit in TIME_UNITS:
+        yield Clock((name,), unit=unit), f"'{name}', {column.header.stated}"
+    elif unit:
+        return
+    elif form := packed_format(pc.cast(column.raw, pa.string())):
+        yield Clock((name,), format=form), f"'{name}' as {_first(column)}, a clock without marks"
+    elif epoch := next((one for one in epochs if one != "days" or step < 1e-3), ""):
+        yield Clock((name,), unit=epoch), f"'{name}' counts {epoch} by its size"
+    else:
+        for one in ("s", "ms", "us", "ns"):
+            if USUAL_S[0] <= step * TIME_UNITS[one] < USUAL_S[1]:
+                apart = f"rows {step * TIME_UNITS[one]:.4g} s apart if in {one}, which no header says: check"
+                yield Clock((name,), unit=one), f"'{name}', {apart}"
+
+
 def timed(table: Table, clock: Clock) -> tuple[Table, Array, list[float]]:
     """The rows that have a time, their times in s since the first, (n,), ascending, and the starts of pieces.
 
     Where the clock goes back permanently (a new trip, a clock that was set, the autumn change of time) a new
-    piece begins APART_S after the one before. Rows out of order by at most BACK_S are sorted, the last of
-    equal stamps is used, and isolated rows stamped far from their neighbours are omitted. Raises InputError
-    if times are missing in too many rows, stand still, are in no order, or have an implausible step.
+    piece begins APART_S after the one before. A few rows out of order by at most BACK_S are sorted, the last
+    of equal stamps is used, and isolated rows stamped far from their neighbours are omitted. Raises
+    InputError if times are missing in too many rows, stand still, go back again and again, or have an
+    implausible step.
     """
+    if clock.columns:
+        table = settled(table, clock.columns)
+        seconds = _seconds(table, clock)
+        known = ~np.isnan(seconds)
+        lost = int(np.argmax(~known))
+        wrong = table[clock.columns[0]].cells[lost].as_py()
+        advice = f" with {quoted(wrong)}{_advice(clock, _joined(table, clock)[lost])}" if wrong else ""
+        table, seconds = table.with_key(known, "time", clock.columns, advice), seconds[known]
     if len(table) < 2:
         raise InputError(f"{table.path} has one row; a recording needs at least two")
     if not clock.columns:
         return table, np.arange(len(table)) / clock.rate_hz, []
-    table = settled(table, clock.columns)
-    seconds = _seconds(table, clock)
-    known = ~np.isnan(seconds)
-    lost = int(np.argmax(~known))
-    wrong = table[clock.columns[0]].cells[lost].as_py()
-    advice = f" with {quoted(wrong)}{_advice(clock, _joined(table, clock)[lost])}" if wrong else ""
-    table, seconds = table.with_key(known, "time", clock.columns, advice), seconds[known]
-    if len(table) < 2:
-        raise InputError(f"{table.path} has one row; a recording needs at least two")
     time = seconds - seconds[0]
+    _check(table, time, clock)
+    table, time = _without_outliers(table, time)
+    usual = float(np.median(np.abs(np.diff(time))))
+    if says := out_of_step(time):
+        raise InputError(
+            f"{table.path}: {says}: export whole stamps, or set time: {{rate_hz: {1.0 / usual:.4g}}} where "
+            "the rows are evenly spaced"
+        )
+    return _in_pieces(table, time, usual)
+
+
+def _check(table: Table, time: Array, clock: Clock) -> None:
+    """Raises InputError for times (n,) that are coarser than the rows, clocks without marks read as numbers,
+    and steps of another unit."""
     name = " and ".join(f"'{column}'" for column in clock.columns)
-    _check_whole_stamps(table, time, name, clock)
-    if clock.unit in TIME_UNITS and clock.format is None and (form := packed_format(_joined(table, clock))):
+    numbers = clock.format is None and clock.unit in TIME_UNITS
+    starts = np.flatnonzero(np.r_[True, np.diff(time) != 0])
+    if len(time) > 1.5 * len(starts) and (np.diff(time) >= 0).all():  # the log is faster than its clock
+        first, rate = quoted(_joined(table, clock)[0].as_py()), "..."
+        if len(starts) > 1:
+            rate = f"{float(f'{len(time) / (time[-1] + np.median(np.diff(time[starts]))):.2g}'):g}"
+        raise InputError(
+            f"{table.path}: times in {name} repeat (the first {[*starts, len(time)][1]} rows have {first}): "
+            f"drop doubled rows, export it with all its digits, or set time: {{rate_hz: {rate}}} where the "
+            "rows are evenly spaced"
+        )
+    if numbers and (form := packed_format(_joined(table, clock))):
         raise InputError(
             f"{table.path}: the numbers in {name} jump at each full minute, as clocks without marks do; "
             f'set time: {{column: {clock.columns[0]}, format: "{form}"}}'
         )
     usual = float(np.median(np.abs(np.diff(time))))
-    if usual > LONGEST_S and (clock.format or clock.unit not in TIME_UNITS):
+    if usual > LONGEST_S and not numbers:
         raise InputError(
             f"{table.path}: rows are {usual:g} s apart, which is too coarse: a truck speeds up and brakes in "
-            f"seconds; {_beside_one_another(table, usual)}"
+            f"seconds; export it at 1 Hz or faster (at most {LONGEST_S:g} s apart)"
         )
     if not SHORTEST_S <= usual <= LONGEST_S:
         raise InputError(
             f"{table.path}: rows are {usual:g} s apart; a unit of time other than "
             f"'{clock.format or clock.unit}' is likely (between {SHORTEST_S:g} and {LONGEST_S:g} s is usual)"
         )
-    table, time = _without_outliers(table, time)
-    return _in_pieces(table, time, usual)
-
-
-def _beside_one_another(table: Table, apart_s: float) -> str:
-    """What to do about rows too far apart: where each has a series of values, these have times of their
-    own."""
-    stems = Counter(re.sub(r"\d+\D*$", "", name) for name in table.columns if re.search(r"\d", name))
-    stem, count = max(stems.items(), key=lambda one: one[1], default=("", 0))
-    if count < LEAST_SERIES:
-        return f"export it at 1 Hz or faster (at most {LONGEST_S:g} s apart)"
-    names = [name for name in table.columns if re.sub(r"\d+\D*$", "", name) == stem]
-    return (
-        f"each row has {count} values, '{names[0]}' to '{names[-1]}', {apart_s / count:.3g} s apart: write "
-        "each in a row of its own, with its own time"
-    )
 
 
 def _without_outliers(table: Table, time: Array) -> tuple[Table, Array]:
@@ -154,21 +240,6 @@ def _in_pieces(table: Table, time: Array, usual: float) -> tuple[Table, Array, l
     return table.without(doubled, "with a repeated time"), shifted[~doubled], starts
 
 
-def _check_whole_stamps(table: Table, time: Array, name: str, clock: Clock) -> None:
-    """Raises InputError if several rows share each stamp, because the log is faster than its clock."""
-    starts = np.flatnonzero(np.r_[True, np.diff(time) != 0])
-    if len(time) <= 1.5 * len(starts) or (np.diff(time) < 0).any():
-        return
-    first, rate = quoted(_joined(table, clock)[0].as_py()), "..."
-    if len(starts) > 1:
-        rate = f"{float(f'{len(time) / (time[-1] + np.median(np.diff(time[starts]))):.2g}'):g}"
-    raise InputError(
-        f"{table.path}: times in {name} repeat (the first {[*starts, len(time)][1]} rows have {first}): drop "
-        f"doubled rows, export it with all its digits, or set time: {{rate_hz: {rate}}} where the rows are "
-        "evenly spaced"
-    )
-
-
 def _seconds(table: Table, clock: Clock) -> Array:
     """Times (n,) in s relative to some row, NaN if a row has none. Raises InputError if no row has one."""
     column = table[clock.columns[0]]
@@ -181,7 +252,7 @@ def _seconds(table: Table, clock: Clock) -> Array:
     if pc.all(pc.is_null(cells)).as_py():
         raise InputError(f"{table.path}: column '{clock.columns[0]}' has no time; all its cells are blank")
     if clock.format is None and clock.unit in TIME_UNITS:
-        return _of_numbers(table, clock, cells)
+        return _counted(table, clock, cells)
     parse: Callable[[str], int | None] = _date_us
     over = 0.0
     if clock.format is not None:
@@ -218,7 +289,7 @@ def _since_first(ticks: pa.ChunkedArray, tick_s: float) -> Array:
         return np.where(known, (whole - whole[known][0]).astype(np.float64) * tick_s, np.nan)
 
 
-def _of_numbers(table: Table, clock: Clock, cells: pa.ChunkedArray) -> Array:
+def _counted(table: Table, clock: Clock, cells: pa.ChunkedArray) -> Array:
     """Times from numbers: integers where all are whole, floats otherwise."""
     column, scale = table[clock.columns[0]], TIME_UNITS[clock.unit]
     with suppress(pa.ArrowException):
@@ -296,11 +367,6 @@ def packed_format(cells: pa.ChunkedArray) -> str:
     return f"{'%Y%m%d' if dated else ''}%H%M%S{fraction}"
 
 
-def is_iso(cell: str) -> bool:
-    """Whether `unit: iso` can read a cell as a date."""
-    return _date_us(cell) is not None
-
-
 def usual_formats(cell: str) -> list[str]:
     """The common formats in which a cell is a date or time."""
     return [form for form in USUAL if _formatted_us(form, cell) is not None]
@@ -322,7 +388,7 @@ def _advice(clock: Clock, scalar: pa.Scalar) -> str:
     """The keys that read such a cell."""
     cell = str(scalar.as_py())
     column = clock.columns[0] if len(clock.columns) == 1 else f"[{', '.join(clock.columns)}]"
-    if OF_DAY.fullmatch(cell) or is_iso(cell):
+    if OF_DAY.fullmatch(cell) or _date_us(cell) is not None:
         keys = ["unit: iso"] if clock.unit.lower() not in DATE_UNITS or clock.format else []
     elif re.fullmatch(r"[+-]?\d+([.,]\d+)?", cell):
         keys = [f"unit: {unit}" for unit in ("s", "ms", "us", "ns", "days")]

@@ -17,14 +17,17 @@ from deeptruck_model.recordings.extract import SIDEWAYS
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, Series, period
 from deeptruck_model.recordings.tables.columns import Columns
 from deeptruck_model.recordings.tables.csv_text import RAGGED
+from deeptruck_model.recordings.tables.mixtures import key_of, only, widened
 from deeptruck_model.recordings.tables.row_times import timed
-from deeptruck_model.recordings.tables.table import Table, key_of, only, take_turns, widened
+from deeptruck_model.recordings.tables.table import Table
 from deeptruck_model.recordings.tables.table_file import read_table
 from deeptruck_model.recordings.topic_map import Source
 from deeptruck_model.recordings.units import conversion
 from deeptruck_model.recordings.words import fits, sibling
 
 LEAST_RENEWALS = 20  # by which a value is seen to be held between them
+LEAST_LINE, STRAIGHT = 5.0, 0.75  # rows of a straight line; part of all rows that then has no bend
+MOST_UNBENT = 8  # lines in a row that may happen to go on in one direction
 EVEN = 1.5  # times their median step that samples are apart at most, where no one is missing
 COARSE, SOONEST = 2.5, 0.6  # resolutions by which a coarse sensor changes; of the usual rows between renewals
 
@@ -52,13 +55,8 @@ def read_samples(path: Path, meaning: Columns) -> Samples:
         speeds = [table[meaning.channels["speed"].field].values]
         if key := key_of(table, speeds):
             raise InputError(f"{path}: {key}: take one by {key.line}")
-        if take_turns(speeds[0]):
-            raise InputError(
-                f"{path}: speed goes back and forth from row to row, as where rows of several vehicles take "
-                "turns: export a column that says of which one a row is, and take one by 'only'"
-            )
     if not meaning.time.columns:
-        table = table.below_units(meaning.channels["speed"].field)
+        table = table.without_text_above(~table[meaning.channels["speed"].field].unreadable)
         if RAGGED in table.account.total.aside:
             table.account.remarks.append(
                 "rows are the clock: what lies behind one that was left out is too early"
@@ -132,14 +130,15 @@ def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Ser
     alternates and then stops belongs to a sensor that failed and is not treated as slow.
     """
     valid = ~np.isnan(values)
-    renewed = np.zeros(0) if channel in (*HELD, *LATCHED) else renewals(values[valid])
-    if len(renewed):
-        rows = np.flatnonzero(valid)[renewed]
-        every = round(float(np.median(np.diff(rows))))
-        notes.append(
-            f"{channel} is renewed every {every} rows and held between them: taken where it is renewed"
-        )
-        return Series(time[rows], values[rows])
+    for how, renewed in (("held", renewals), ("a straight line", knots)):
+        of_states = how == "held" and channel in (*HELD, *LATCHED)  # which stay as they are for long
+        rows = np.zeros(0) if of_states else np.flatnonzero(valid)[renewed(values[valid])]
+        if len(rows):
+            every = round(float(np.median(np.diff(rows))))
+            notes.append(
+                f"{channel} is renewed every {every} rows and {how} between them: taken where it is renewed"
+            )
+            return Series(time[rows], values[rows])
     rows_apart, apart = np.diff(np.flatnonzero(valid)), np.diff(time[valid])
     most = EVEN * float(np.median(apart)) if len(apart) else 0.0
     ends = (time[valid][:1] - time[0] <= most).all() and (time[-1] - time[valid][-1:] <= most).all()
@@ -170,6 +169,29 @@ def renewals(values: Array) -> NDArray[np.int64]:
         return np.zeros(0, dtype=np.int64)
     runs = [(i, j, max(1, round((j - i) / every))) for i, j in pairwise([*changes, len(values)])]
     return np.concatenate([i + (j - i) * np.arange(count) // count for i, j, count in runs])
+
+
+def knots(values: Array) -> NDArray[np.int64]:
+    """Rows (k,) at which straight lines meet, as where an exporter put a slow signal on a faster clock; none
+    if there are none. Where nothing was recorded one line goes on for long, and no row of it was measured;
+    where the value stays it may well have been."""
+    bends = np.abs(np.diff(values, 2))
+    if len(bends) < LEAST_RENEWALS or not (size := float(np.max(np.abs(values)))):
+        return np.zeros(0, dtype=np.int64)
+    at = np.flatnonzero(bends > max(2.0 * float(np.quantile(bends, STRAIGHT)), 1e-9 * size)) + 1
+    apart = np.diff(at)
+    if len(apart) < LEAST_RENEWALS or (every := float(np.median(apart))) < LEAST_LINE:
+        return np.zeros(0, dtype=np.int64)
+    if (np.abs(apart - every * np.rint(apart / every)) > 1.0).mean() > 0.05:
+        return np.zeros(0, dtype=np.int64)
+    edges = np.concatenate([[0], at, [len(values) - 1]])
+    runs = [(i, j, round((j - i) / every)) for i, j in pairwise(edges)]
+    between = [
+        i + (j - i) * np.arange(1, k) // k
+        for i, j, k in runs
+        if k > 1 and (k <= MOST_UNBENT or values[i] == values[j])
+    ]
+    return np.unique(np.concatenate([edges, *between]))
 
 
 def _segments(time: Array, cuts: list[float]) -> Array:

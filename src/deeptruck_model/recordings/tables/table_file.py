@@ -1,54 +1,42 @@
 """The one reader of tables: the rows and columns of a CSV, Parquet or MAT file, for recordings, leaders and
-roads. The account has each row and cell that is not used.
+roads. pyarrow parses; the account has each row and cell that is not used.
 """
 
 from __future__ import annotations
 
 import csv as text_csv
-import re
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from pyarrow import parquet
 
 from deeptruck_core import reading
 from deeptruck_core.account import Account
-from deeptruck_core.arrays import Array, Mask
+from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.formats import PARQUET
 from deeptruck_model.recordings.consistency.impossible import impossible
 from deeptruck_model.recordings.tables import mat_file
 from deeptruck_model.recordings.tables.column import Column, decimal_mark, has_mark
-from deeptruck_model.recordings.tables.csv_text import BLANK, CsvText, Format, find_format
-from deeptruck_model.recordings.tables.table import BELOW, MOST_BELOW, Table, key_of
-
-LABELS = {  # in a cell of a row that sums up those above it
-    "total", "totals", "sum", "mean", "average", "avg", "min", "max", "minimum", "maximum", "median", "std",
-    "stdev", "count", "summe", "gesamt", "mittel", "mittelwert", "durchschnitt", "minimalwert", "maximalwert",
-    "anzahl",
-}  # fmt: skip
-HEADER = "that repeat the header"
+from deeptruck_model.recordings.tables.csv_text import BLANK, Format, find_format, read_csv
+from deeptruck_model.recordings.tables.mixtures import key_of
+from deeptruck_model.recordings.tables.table import Table
 
 
 def read_table(path: Path, form: Format | None = None) -> Table:
     """A CSV file or, by its suffix, a Parquet or MAT file, in a format (see Format).
 
     A byte order mark overrides the encoding. Trailing delimiters of rows or the header are no columns; blank
-    rows, repeated headers and totals are omitted, as are rows with more or fewer cells than the header. CSV
-    has no checksum, so that a changed digit is not detected. Parquet's page checksums are verified if
-    present. Raises InputError for a file that is missing, empty, or not in that encoding, and if most rows do
-    not fit the header.
+    rows are omitted, as are rows with more or fewer cells than the header. Parquet's page checksums are
+    verified if present. Raises InputError for a file that is missing, empty, or not in that encoding, and if
+    most rows do not fit the header.
     """
     form = form or Format()
     check_table(path)
-    account = Account(str(path), "rows")
-    place: Callable[[int], str] = _typed_row
-    delimiter = ""
+    account, begin, delimiter, place = Account(str(path), "rows"), 0, "", "row"
     try:
         if is_typed(path):
             if path.suffix.lower() in PARQUET or path.is_dir():
@@ -56,33 +44,29 @@ def read_table(path: Path, form: Format | None = None) -> Table:
             else:
                 table, remarks = mat_file.read(path)
                 account.remarks += remarks
-            names = list(table.column_names)
+            names, rows = list(table.column_names), np.arange(table.num_rows)
             account.total.read = table.num_rows
-            rows = np.arange(table.num_rows)
         else:
-            text = CsvText(path, form, account)
-            table, names, rows = text.read()
-            place = text.place
-            delimiter = text.delimiter
+            table, names, rows, begin, delimiter = read_csv(path, form, account)
+            place = "line"
     except (pa.ArrowException, UnicodeError, LookupError, OSError, text_csv.Error, EOFError) as error:
         raise InputError(f"{path} cannot be read: {_why(error, form.encoding)}") from None
     account.total.used = table.num_rows
     names = [name.strip() for name in names]
-    plain: dict[str, pa.ChunkedArray] = {}
+    raw: dict[str, pa.ChunkedArray] = {}
     for name, column in zip(names, table.columns, strict=True):
-        plain.setdefault(name, _plain_type(column))
-    repeated = frozenset(name for name in plain if name and names.count(name) > 1)
-    decimal = form.decimal or decimal_mark([*plain.values()], delimiter)
-    points = [name for name, raw in plain.items() if decimal == "." and has_mark(raw, ".")]
+        raw.setdefault(name, _plain_type(column))
+    account.remarks += [
+        f"several columns are named '{n}': the first is used" for n in raw if n and names.count(n) > 1
+    ]
+    decimal = form.decimal or decimal_mark([*raw.values()], delimiter)
+    points = [name for name, cells in raw.items() if decimal == "." and has_mark(cells, ".")]
     columns = {
-        name: Column(name, raw, decimal, pointed=bool(points) and points != [name])
-        for name, raw in plain.items()
+        name: Column(name, cells, decimal, pointed=bool(points) and points != [name])
+        for name, cells in raw.items()
     }
-    found = Table(path, columns, rows, place, account, decimal, repeated)
+    found = Table(path, columns, rows, lambda row: f"{place} {begin + row + 1}", account, decimal)
     found = found.without(~found.filled([*columns]), BLANK)
-    for out, reason in ((_repeats_header, HEADER), (_sums_up, BELOW)):
-        if len(found):
-            found = found.without(out(found), reason)
     if not len(found):
         raise InputError(f"{path} is empty: it has no rows below its header")
     return found
@@ -144,10 +128,6 @@ def check_table(path: Path) -> None:
         reading.check_file(path, "give a table or a CAN log, or the folder of a bag or of Parquet files")
 
 
-def _typed_row(row: int) -> str:
-    return f"row {row + 1}"
-
-
 def _plain_type(column: pa.ChunkedArray) -> pa.ChunkedArray:
     """Text as one type, for all text types of Parquet."""
     kind = column.type
@@ -156,34 +136,6 @@ def _plain_type(column: pa.ChunkedArray) -> pa.ChunkedArray:
         kind = kind.value_type
     text = pa.types.is_large_string(kind) or pa.types.is_string_view(kind)
     return column.cast(pa.string()) if text else column
-
-
-def _repeats_header(table: Table) -> Mask:
-    """Which rows (n,) repeat the header's names in every text cell."""
-    same: Mask = np.ones(len(table), dtype=bool)
-    for name, column in table.columns.items():
-        if not column.is_text:
-            return np.zeros(len(table), dtype=bool)
-        same &= pc.equal(pc.fill_null(column.cells, ""), name).to_numpy()
-        if not same.any():
-            break
-    return same
-
-
-def _sums_up(table: Table) -> Mask:
-    """Which rows (n,) at the end have a label such as 'Total', in a column without text above it."""
-    count = len(table)
-    below = np.zeros(count, dtype=bool)
-    for column in table.columns.values():
-        if not column.is_text:
-            continue
-        cells = column.cells[-MOST_BELOW - 1 :].to_pylist()
-        words = [str(cell).lower().rstrip(":.").strip() for cell in reversed(cells)]
-        labels = next((k for k, word in enumerate(words) if word not in LABELS), 0)
-        above = cells[-labels - 1]
-        if above is None or re.search(r"\d", above):
-            below[count - labels :] = True
-    return below
 
 
 def _why(error: BaseException, encoding: str) -> str:

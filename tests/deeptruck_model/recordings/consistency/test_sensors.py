@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +11,11 @@ import pytest
 from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
-from deeptruck_model import trucks
 from deeptruck_model.recordings import Recording, import_table, suggest_columns
 from deeptruck_model.recordings.consistency import accelerometer, impossible, sensors
-from deeptruck_model.recordings.consistency.proposals import unit_of
 from deeptruck_model.recordings.recording import FROM_SPEED
-from deeptruck_model.recordings.resample import Series
-from deeptruck_model.trucks import driving_cycles
 
 ACCELERATION = {"column": "a", "unit": "m/s^2"}
 INTERFACE = TruckInterface("truck", "percent", "percent")
@@ -62,36 +55,12 @@ def test_another_axis_stands_still_or_does_not_follow() -> None:
     assert len(sideways) == 1 and "does not follow the speed" in sideways[0]
 
 
-@cache
-def _on_hills() -> Recording:
-    return driving_cycles.drive(trucks.load("trucksim"), seconds=2400, seed=3)
-
-
-def hilly(read: Callable[[Array], Array] = lambda grade: grade) -> Recording:
-    """A truck on hills, with its slope as it was `read`."""
-    drive = _on_hills()
-    channels = {name: x for name, x in drive.channels.items() if name != "elevation"}
-    return replace(drive, channels={**channels, "grade": read(channels["grade"])})
-
-
-@pytest.mark.parametrize(
-    ("read", "says"),
-    [
-        (lambda grade: -grade, "uphill is positive: give it 'scale: -1'"),
-        (lambda grade: np.tan(np.radians(100.0 * grade)), "percent read as degrees"),
-        (lambda grade: np.degrees(np.arctan(grade)) / 100.0, "degrees read as percent"),
-        (lambda grade: 0.01 * grade, "a ratio read as percent?"),
-        (lambda grade: 0.1 * grade, "on this clock and in its unit?"),
-    ],
-)
-def test_sign_and_factor_of_a_slope_are_seen_in_the_motion(read: Any, says: str) -> None:
-    (doubt,) = sensors.doubts([hilly(read)])
-    assert doubt.channel == "grade" and says in doubt.says
-    assert sensors.doubts([hilly()]) == []
-    assert sensors.of_inputs([hilly(read)], ("grade",)) == [doubt.says]
-    sound = [replace(hilly(), name=name) for name in "abc"]
-    (alone,) = sensors.of_inputs([*sound, replace(hilly(read), name="odd")], ("grade",))
-    assert alone.startswith("odd: ") and sensors.of_inputs([hilly(read)], ("speed",)) == []
+def test_a_doubt_names_the_drives_that_show_it() -> None:
+    odd, sound = recording(acceleration=-A), [replace(recording(), name=name) for name in "abc"]
+    (doubt,) = sensors.doubts([odd])
+    assert sensors.of_inputs([odd], ("acceleration",)) == [doubt.says]
+    (alone,) = sensors.of_inputs([*sound, replace(odd, name="odd")], ("acceleration",))
+    assert alone.startswith("odd: ") and sensors.of_inputs([odd], ("speed",)) == []
 
 
 def test_tilt_and_gravity_are_found_by_the_grade() -> None:
@@ -184,6 +153,12 @@ def test_grade_is_held_against_height() -> None:
     assert "ratio, percent, deg" in said(grade=0.01 * grade, elevation=height)[0]
 
 
+def test_heights_in_steps_refute_no_grade_of_a_flat_road() -> None:
+    way = np.cumsum(V) * 0.1
+    height, grade = np.round(3.0 * np.sin(way / 400.0)), 0.002 * np.sin(T / 3)
+    assert said(elevation=height, grade=grade) == []
+
+
 def test_pedals_that_are_swapped_pressed_together_or_in_bar() -> None:
     gas, brake = np.clip(40 * A, 0, 90), np.clip(-40 * A, 0, 90)
     assert said(engine_command=gas, brake_command=brake) == []
@@ -265,7 +240,7 @@ def test_what_is_proposed_is_turned_and_a_lateral_sensor_is_not_proposed(tmp_pat
     one = found.taken("acceleration")
     assert one is not None and one.field.path == "Acc (m/s2)" and "scale: -1" in one.line
     (other,) = [c for c in found.candidates["acceleration"] if c is not one]
-    assert other.field.path == "Acceleration 2 (m/s2)" and "does not follow it" in other.needs
+    assert other.field.path == "Acceleration 2 (m/s2)" and "does not follow the speed" in other.needs
     (tmp_path / "columns.yaml").write_text(found.text())
     (r,) = import_table(tmp_path / "t.csv", tmp_path / "columns.yaml", tmp_path / "bag").recordings
     np.testing.assert_allclose(r.channels["acceleration"], columns["a"])
@@ -281,12 +256,15 @@ def test_the_tilt_of_an_accelerometer_is_cured_by_its_offset(tmp_path: Path) -> 
     assert r.account is not None and r.account.remarks == []
 
 
-def test_the_unit_of_a_speed_agrees_with_places_though_the_receiver_showed_zero() -> None:
-    t = 0.1 * np.arange(1800)
-    v, north = speed(t), 50 + np.cumsum(speed(t)) * 0.1 / 111_195.0
-    v[300:400] = 0.0
-    known = {"latitude": [("lat", Series(t, north))], "longitude": [("lon", Series(t, np.full(1800, 8.0)))]}
-    for unit, factor in (("m/s", 1.0), ("km/h", 3.6)):
-        options = [(one, 1.0) for one in ("m/s", "km/h", "mph")]
-        found, scale, why = unit_of("speed", options, Series(t, factor * v), known)
-        assert (found, scale) == (unit, 1.0) and "the positions in 'lat'" in why
+@pytest.mark.parametrize("every", [2, 4])
+def test_a_second_sender_in_the_column_of_speed_is_refused(every: int, tmp_path: Path) -> None:
+    rows = drive()
+    late = np.round(3.6 * 1.01 * speed(rows["t"] - 0.8), 3)
+    rows["v"] = np.where(np.arange(600) % every == 1, late, rows["v"])
+    with pytest.raises(InputError, match=f"every {every}. sample"):
+        import_table(write_csv(tmp_path / "d.csv", rows), COLUMNS, tmp_path / "bag")
+
+
+def test_a_coarse_speed_that_flickers_is_of_one_sender() -> None:
+    flickering = np.round(V + 0.5 * (np.arange(3000) % 2))
+    assert not impossible.senders(flickering)

@@ -146,8 +146,10 @@ def test_nanoseconds_apart_stay_apart(tmp_path: Path) -> None:
         ),
         ([f"05.08.2026 10:{k // 60:02d}" for k in range(300)], {"format": "%d.%m.%Y %H:%M"}, "rate_hz: 1}"),
         ([k // 2 for k in range(40)], {"unit": "s"}, "rate_hz: 2}"),
+        ([f"08:00:{(k - 4) // 10:02d}.{k % 10}" for k in range(10, 400)], {"unit": "iso"},
+         r"goes back 38 times, by 0.9 s, about every 1 s: .*set time: {rate_hz: 10}"),
     ],
-)
+)  # fmt: skip
 def test_what_fails_is_named_with_its_value_and_the_keys(
     tmp_path: Path, cells: list[Any], time: dict[str, Any], says: str
 ) -> None:
