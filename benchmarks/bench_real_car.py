@@ -60,7 +60,7 @@ def judged(
         return path.read_text()
     found = find_mismatch(simulator, fit, held)
     v, e = found.verdict, found.evidence
-    line = v["headline"].partition(": ")[0].removesuffix(" of the squared error").replace(NAMED, "slope")
+    line = v["headline"].rpartition(": ")[0].replace(NAMED, "slope")
     correlation = "-"
     if e is not None and "felt_slope" in e.signals:
         named = [f.force for f in found.findings if f.force is not None and f.effect == "road_grade"]

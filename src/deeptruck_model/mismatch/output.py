@@ -104,15 +104,10 @@ def apply(directory: str | Path, out: str | Path, *, refit: bool = False, overwr
     directory, out = calls.path(directory, "the folder"), calls.path(out, "out")
     APPLIED.check(out, overwrite=overwrite)
     truck = applicable(directory, refit=refit)
-    _check_loads(truck)
-    with APPLIED.replacing(out, overwrite=overwrite) as draft:
-        shutil.copytree(truck, draft, dirs_exist_ok=True)
-
-
-def _check_loads(truck: Path) -> None:
-    """Raises InputError for a simulator that has lost a file."""
     try:
-        simulators.load(truck)
+        simulators.load(truck)  # one that has lost a file is not copied
     except InputError as error:
         what = str(error).rsplit(";", 1)[0]
         raise InputError(f"{what}; run 'deeptruck-model mismatch' again") from None
+    with APPLIED.replacing(out, overwrite=overwrite) as draft:
+        shutil.copytree(truck, draft, dirs_exist_ok=True)

@@ -87,7 +87,8 @@ def with_effective_mass(force: Expression) -> Expression:
 def free(inside: Mapping[str, Array]) -> Array | None:
     """Ratio of the mass to the effective mass with rotating inertia, if the simulator reports what it
     needs."""
-    return inside["mass"] / inside["effective_mass"] if "effective_mass" in inside else None
+    known = {"mass", "effective_mass"} <= inside.keys()
+    return inside["mass"] / inside["effective_mass"] if known else None
 
 
 def holds(simulator: Simulator) -> bool:

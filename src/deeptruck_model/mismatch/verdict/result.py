@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.posterior.budget import Budget
 from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.posterior.names import Explanation, Node
 from deeptruck_model.mismatch.prepare.drives import NotRecorded, Rejection
+from deeptruck_model.mismatch.verdict.wording import digits
 
 SCHEMA = 3
 
@@ -67,7 +68,7 @@ class Bound:
     def _end(self, value: float, *, with_unit: bool | np.bool_ = True) -> str | Speed:
         if self.unit == "m/s":
             return Speed(value, 3, bool(with_unit))
-        return f"{value:.3g}" + (f" {self.unit}" if self.unit and with_unit else "")
+        return digits(value) + (f" {self.unit}" if self.unit and with_unit else "")
 
 
 @dataclass(frozen=True)

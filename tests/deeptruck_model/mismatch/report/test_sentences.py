@@ -297,6 +297,7 @@ def test_speeds_are_converted_as_numbers_before_they_are_rounded() -> None:
     found = Mismatch(off, None, {}, None, ())
     assert "off by 7.2 km/h" in str(found.verdict_in("km/h")["sentences"])
     assert found.verdict["headline"] in found._repr_html_() and summary(off) == found.verdict["sentences"]
+    assert str(Bound("time since start", -np.inf, 1087.3, "s")) == "time since start < 1,087 s"
     bound = str(Bound("speed", 12.84, np.inf, "m/s"))
     first = lines.headline(Verdict(PHYSICS, (replace(WIND, in_condition=bound),)))
     assert re.search(r"mostly where speed > 28\.7 mph", shown(first, "mph"))

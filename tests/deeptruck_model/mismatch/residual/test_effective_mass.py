@@ -83,6 +83,7 @@ def test_brakes_that_hold_a_deceleration_make_up_for_other_forces() -> None:
 def test_a_simulator_that_shows_nothing_is_taken_at_force_per_mass() -> None:
     truck = trucks.load("trucksim")
     assert effective_mass.free({"speed": np.ones(3)}) is None
+    assert effective_mass.free({"effective_mass": np.ones(3)}) is None  # nothing to compare it with
     assert not effective_mass.holds(truck)
     assert isinstance(effective_mass.held(False), Constant)
     assert effective_mass.holding(False, {}, np.ones(3)) == {}  # perhaps braking was not recorded
