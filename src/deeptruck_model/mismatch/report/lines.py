@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 from deeptruck_core.signals import Said, Speed, printed
 from deeptruck_core.vehicle_kinds import LEAST_SPEED
@@ -38,14 +37,6 @@ EVENTS = {  # whether the simulator shifts at another moment in them
 }
 NOT_ASKED = Advice(Answer.UNSURE, "no cause is established")
 QUESTIONS = {"data": "Data enough?", "simulator": "Simulator good enough?", "apply": "Apply the correction?"}
-
-
-class Light(NamedTuple):
-    """A question with its answer (yes, no, unsure) and the reason."""
-
-    question: str
-    answer: str
-    reason: str
 
 
 def headline(v: Verdict) -> str:
@@ -375,14 +366,9 @@ def _check(v: Verdict, f: Finding) -> str:
     )  # fmt: skip
 
 
-def lights(v: Verdict) -> list[Light]:
-    """A user's three main questions with their answers."""
-    return [Light(QUESTIONS[name], a.answer, a.reason) for name, a in v.advice.items()]
-
-
 def lines(v: Verdict) -> list[str]:
     """All sentences, for the terminal."""
-    answers = [Said(one.question, f" {one.answer} (", one.reason, ").") for one in lights(v)]
+    answers = [Said(f"{QUESTIONS[name]} {a.answer} (", a.reason, ").") for name, a in v.advice.items()]
     sized = [said] if (said := sizes(v)) else []
     middle = (*what(v), *how_probable(v), *what_to_do(v))
     return [Said(headline(v), "."), *doubtful(v), *contains(v), *sized, *not_recorded(v), *middle, *answers]

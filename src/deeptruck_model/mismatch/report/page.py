@@ -61,7 +61,7 @@ def _content(found: Mismatch, command: str, units: str) -> dict[str, Any]:
         "how_probable": list(lines.how_probable(v)) or [opened(v.kind.replace("_", " "))],
         "what_to_do": list(lines.what_to_do(v)),
         "command": command if v.validated and not v.data.doubts else "",
-        "lights": lines.lights(v),
+        "advice": [(lines.QUESTIONS[name], a) for name, a in v.advice.items()],
         "where": worst.says if worst is not None else "",
         "has_data": e is not None,
         "data": explorer_data.text(found, e, worst) if e is not None else "",
