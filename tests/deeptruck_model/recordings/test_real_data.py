@@ -29,10 +29,12 @@ def test_the_heavy_truck_of_wang_and_rakha(tmp_path: Path) -> None:
     speed = np.concatenate([r.channels["speed"] for r in recordings])
     assert (speed > 0.5).sum() / 60 == pytest.approx(290, abs=10)  # minutes moving
     elevation = np.concatenate([r.channels["elevation"] for r in recordings])
-    assert elevation.min() == pytest.approx(-48, abs=10) and elevation.max() == pytest.approx(811, abs=1)
+    assert np.isnan(elevation).mean() < 0.06  # where it stands still and then jumps
+    assert np.nanmin(elevation) == pytest.approx(-48, abs=10)
+    assert np.nanmax(elevation) == pytest.approx(811, abs=1)
     for recording in recordings:
         assert np.abs(np.diff(recording.channels["speed"])).max() <= 2.5
-        assert np.abs(np.diff(recording.channels["elevation"])).max() <= 4.0
+        assert not (np.abs(np.diff(recording.channels["elevation"])) > 4.0).any()
         command, fuel = recording.channels["engine_command"], recording.channels["fuel_rate"]
         np.testing.assert_allclose(fuel[1:], command[:-1] / 0.832, rtol=1e-12)  # what is burnt next
         assert np.isnan(command[-1])
