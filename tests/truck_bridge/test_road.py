@@ -56,8 +56,8 @@ def test_no_wire_node_or_person_breaks_what_must_hold(fault):
 
 @pytest.mark.parametrize("fault", ["brake pedal", "controller gone", "cancel"])
 def test_the_judge_sees_a_bridge_without_a_core(fault, monkeypatch):
-    monkeypatch.setattr(Safety, "release", lambda self, now, reason="": None)
-    monkeypatch.setattr(Safety, "fade", lambda self, now, reason: None)
+    monkeypatch.setattr(Safety, "_end", lambda self, reason, now, otherwise: None)
+    monkeypatch.setattr(Safety, "_let_go", lambda self, reason: None)
     assert fault_road.play(20, fault, traffic="steady", length=3.0).broken
 
 

@@ -184,7 +184,9 @@ def knots(values: Array) -> NDArray[np.int64]:
         return np.zeros(0, dtype=np.int64)
     if (np.abs(apart - every * np.rint(apart / every)) > 1.0).mean() > 0.05:
         return np.zeros(0, dtype=np.int64)
-    edges = np.concatenate([[0], at, [len(values) - 1]])
+    # the first and last line may be cut off by the table, which is no sample then
+    whole = [abs(k - every * round(k / every)) < 0.5 for k in (at[0], len(values) - 1 - at[-1])]
+    edges = np.concatenate([[0] if whole[0] else [], at, [len(values) - 1] if whole[1] else []]).astype(int)
     runs = [(i, j, round((j - i) / every)) for i, j in pairwise(edges)]
     between = [
         i + (j - i) * np.arange(1, k) // k
