@@ -13,10 +13,10 @@ from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
 from deeptruck_core.errors import InputError
-from deeptruck_model import simulators, trucks
+from deeptruck_model import simulator_facts, simulators, trucks
 from deeptruck_model.fmu.truck import FEWEST
 from deeptruck_model.mismatch import CorrectedTruck
-from deeptruck_model.simulators import Array, facts, protocol_check
+from deeptruck_model.simulators import Array, protocol_check
 from deeptruck_model.trucks import driving_cycles
 
 sys.path.append(str(Path(__file__).parent))
@@ -116,7 +116,7 @@ def test_it_is_loaded_again_by_its_path_and_hash(own: str, own_fmu: Path, tmp_pa
     np.testing.assert_allclose(runs[0], runs[1], atol=1e-9)
     copy.write_bytes(copy.read_bytes() + b" ")
     with pytest.raises(InputError, match=r"copy.fmu of SHA-256 \w{12} is \w{12} now"):
-        facts.simulator(str(tmp_path / "kept"))
+        simulator_facts.simulator(str(tmp_path / "kept"))
 
 
 def test_a_start_at_another_speed_is_refused(own: str, tmp_path: Path) -> None:
@@ -141,7 +141,7 @@ def test_files_that_are_no_fmu_or_run_elsewhere(own: str, own_fmu: Path, tmp_pat
         (tmp_path / "none.fmu", "it does not exist"),
     ):
         with pytest.raises(InputError, match=says):
-            facts.simulator(f"fmu:{file}")
+            simulator_facts.simulator(f"fmu:{file}")
     with zipfile.ZipFile(own_fmu) as source, zipfile.ZipFile(other, "w") as target:
         for name in source.namelist():
             if "linux" not in name:
