@@ -10,7 +10,6 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
-import math
 import os
 import shlex
 import stat
@@ -188,18 +187,6 @@ def plain(said: str, longest: int = LONGEST) -> str:
 def quoted(cell: object) -> str:
     """A cell of a table in quotation marks, on one line and shortened."""
     return f"'{plain(str(cell), LONGEST_CELL)}'"
-
-
-def number_in_cell(cell: str, where: str, cure: str) -> float:
-    """The number in a cell of one of our tables. Raises InputError for other text and for NaN and infinity;
-    the message begins with `where`, the name of the cell, and ends with `cure`."""
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{where} is '{plain(cell, 40)}', which is no number; {cure}")
-    return value
 
 
 def _why(error: BaseException) -> str:

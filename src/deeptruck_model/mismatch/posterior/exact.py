@@ -127,7 +127,7 @@ class Exact:
         self.parts, self.rows = tuple(parts), p.regression.rows
         self._weight = weights(p.regression, p.noise)
         self._paths = any(part.paths for part in parts)
-        self._fixed = self._white(_beside(p, given, free))
+        self._fixed = self._white(_beside(p, given, {*free, *(q.mechanism.effect for q in parts)}))
         self.unknown = [*self._parameters(free), *(u for i in range(len(parts)) for u in self._sizes(i))]
         self.precision = np.array([1.0 / u.sd**2 for u in self.unknown])
 
@@ -329,16 +329,17 @@ class Fitted:
         return np.asarray(left - self.slopes[:, keep[:k]] @ change)
 
 
-def _beside(p: Posterior, given: Mask, free: Sequence[str]) -> Array:
-    """Columns (n, q), with unit prior variance, that stay beside what is fitted, but for those of timing:
-    parameters that are not free, near their given values, the form error, and what is slow in most of the
-    `given` draws (m,)."""
-    held = [i for i, n in enumerate(p.regression.parameters) if n not in free]
+def _beside(p: Posterior, given: Mask, fitted: set[str]) -> Array:
+    """Columns (n, q), with unit prior variance, that stay beside the names that are `fitted`, but for those
+    of timing: other parameters, near their given values, the form error, and what is slow in most of the
+    `given` draws (m,). A slope that is fitted is not beside itself."""
+    held = [i for i, n in enumerate(p.regression.parameters) if n not in fitted]
     error = p.always[:, p.always.shape[1] - p.form_error :]
     slow = [
         x.features * np.sqrt(np.mean(SIZES[p.draws.states[given, j][on]] ** 2))
         for j, x in enumerate(p.of)
-        if (x.part in NO_NAME or x.part == SLOPE) and (on := p.draws.inside[given, j]).mean() >= 0.5
+        if (x.part in NO_NAME or (x.part == SLOPE and x.name not in fitted))
+        and (on := p.draws.inside[given, j]).mean() >= 0.5
     ]
     return np.concatenate([p.always[:, held], error, *_of_slope(p.regression.e), *slow], axis=1)
 
