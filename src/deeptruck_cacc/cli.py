@@ -139,12 +139,7 @@ def export(
     typer.echo(f"{out}: written")
 
 
-console.moved(app, "sweep", "'deeptruck-cacc train', one run for each setting")
-
-
-console.moved(
-    app, "sweep", "'deeptruck-cacc train --seeds N'; settings are fields of its configuration in Python"
-)
+console.moved(app, "sweep", "'deeptruck-cacc train --seeds N', one run for each setting")
 
 
 def main() -> None:

@@ -115,3 +115,18 @@ def test_a_command_that_names_no_hazard_is_obeyed_again(truck: simulators.Simula
     assert plant.stopping
     plant.step(1000.0, 0.0)
     assert not plant.stopping
+
+
+def test_a_truck_that_is_slow_when_its_hazard_ends_is_braked_to_a_standstill(
+    truck: simulators.Simulator,
+) -> None:
+    """Its idling engine would drive it on."""
+    plant = Plant(truck, roads.parse("flat"), 6.0)
+    for _ in range(5):
+        plant.step(0.0, 60.0, 40.0, 0.2)
+    for _ in range(5):
+        plant.step(math.nan, math.nan)
+    assert 0.0 < plant.speed < 5.0 and plant.stopping
+    for _ in range(40):
+        plant.step(math.nan, math.nan)
+    assert plant.speed == 0.0 and plant.stopping

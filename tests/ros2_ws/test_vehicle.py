@@ -8,17 +8,23 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import can
 import numpy as np
+import pytest
+from rclpy.lifecycle import TransitionCallbackReturn
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from deeptruck_model import recordings
+from deeptruck_nodes import can_bridge
+from deeptruck_nodes.can_bridge import CanBridge
 from truck_bridge.bus import open_bus
 
 TSC1, ADDRESS_CLAIM = 0x0000, 0xEE00
@@ -145,3 +151,19 @@ def test_the_bridge_is_silent_until_a_person_engages(domain: int, tmp_path: Path
         process.kill()
         process.communicate()
         bus.shutdown()
+
+
+def test_a_bridge_that_brakes_for_long_stays_active_until_the_truck_stands(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(can_bridge, "ENDS_WITHIN", 0.01)
+    stands = threading.Event()
+    brakes = threading.Thread(target=stands.wait, daemon=True)
+    brakes.start()
+    bridge = SimpleNamespace(_stop=threading.Event(), _thread=brakes)
+    assert CanBridge.on_deactivate(bridge, None) is TransitionCallbackReturn.FAILURE
+    assert bridge._thread is brakes and "stays active" in capsys.readouterr().out
+    stands.set()
+    brakes.join()
+    assert CanBridge.on_deactivate(bridge, None) is TransitionCallbackReturn.SUCCESS
+    assert bridge._thread is None

@@ -71,7 +71,7 @@ def within_reach(scene: Scene, pedals: PedalMap, dt: float) -> NDArray[np.bool_]
 
 
 def brake_pulses_per_h(trace: Trace) -> float:
-    """How often an hour the brake is applied: a brake is no trim."""
+    """How often an hour the brake is applied: it wears, and is no means of fine control."""
     pressed = trace["brake_command"] > 0.0
     begins = pressed[1:] & ~pressed[:-1]
     return float(begins.sum() / (begins.size * trace.dt / 3600.0))

@@ -15,6 +15,8 @@ from deeptruck_core.errors import InputError
 
 SEEDS = Annotated[int, Option(help="Policies trained side by side; the best in validation is kept.", min=1)]
 SCENE = Annotated[str, Option(help=f"Training scenes: {', '.join(scenes.DRAWERS)}.")]
+SEED = Annotated[int, Option(help="First seed; the others follow.", min=0, max=2**31 - 1)]
+VALIDATE_EVERY = Annotated[int, Option(help="Iterations between validations.", min=1)]
 MEMORY = Annotated[bool, Option(help="Slow features (no steady-state error), or the paper's five signals.")]
 
 
@@ -23,12 +25,12 @@ class AnalyticConfig:
     """Settings of an analytic training run. Raises InputError for a value out of range or an unknown
     scene."""
 
-    seed: Annotated[int, Option(help="First seed; the others follow.", min=0, max=2**31 - 1)] = 0
+    seed: SEED = 0
     seeds: SEEDS = 3
     iterations: Annotated[int, Option(help="Updates; those of trpo have a batch each.", min=0)] = 150
     scene: SCENE = "wide"
     memory: MEMORY = True
-    validate_every: Annotated[int, Option(help="Iterations between validations.", min=1)] = 15
+    validate_every: VALIDATE_EVERY = 15
     rollouts: Annotated[int, Option(help="Paths in a batch, for each seed.", min=1)] = 24
     window: Annotated[int, Option(help="Steps a gradient reaches back.", min=3)] = 200
     windows: Annotated[int, Option(help="Windows of a path before a fresh scene.", min=1)] = 2
@@ -53,12 +55,12 @@ class TrpoConfig:
     """Settings of a TRPO run. Batch, path, discount and network are the paper's; the others are ours. Raises
     InputError for a value out of range or an unknown scene."""
 
-    seed: Annotated[int, Option(help="First seed; the others follow.", min=0, max=2**31 - 1)] = 0
+    seed: SEED = 0
     seeds: SEEDS = 1
     iterations: Annotated[int, Option(help="Batches.", min=1)] = 500
     scene: SCENE = "paper"
     memory: MEMORY = False
-    validate_every: Annotated[int, Option(help="Iterations between validations.", min=1)] = 10
+    validate_every: VALIDATE_EVERY = 10
     environments: Annotated[int, Option(help="Paths in a batch.", min=1)] = 25
     path: Annotated[int, Option(help="Steps of a path.", min=2)] = 800
     gamma: Annotated[float, Option(help="Discount.", min=0, max=1)] = 0.9999

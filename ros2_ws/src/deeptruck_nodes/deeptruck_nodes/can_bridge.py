@@ -89,10 +89,14 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Hand control back in order, after braking that a hazard needs, then stop sending."""
+        """Hand control back in order, then stop sending. While the truck brakes for a hazard for longer than
+        a node has to end, it stays active."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join(ENDS_WITHIN)
+            if self._thread.is_alive():
+                say("stays active: it brakes for a hazard; deactivate it again when the truck stands")
+                return TransitionCallbackReturn.FAILURE
         self._thread = None
         return TransitionCallbackReturn.SUCCESS
 

@@ -14,7 +14,7 @@ from deeptruck_core.signals import ACCELERATION, FUEL, SPEED
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.trucks.accelerometer import Accelerometer
 from deeptruck_nodes.roads import Road
-from truck_bridge.safety.ending import STANDS_M_S, BrakeHold
+from truck_bridge.safety.ending import SLOW_M_S, STANDS_M_S, BrakeHold
 
 FADE_S = 1.0  # in which a command that is lost runs out, as the bridge fades the engine by 100 % a second
 
@@ -73,7 +73,7 @@ class Plant:
         if valid or needs:
             self._hold.know(needs, self._time + hold_s)
         moves, known = before > STANDS_M_S, self._hold.knows(self._time)
-        if self.stopping and moves and not known:
+        if self.stopping and before >= SLOW_M_S and not known:
             self._held, self._left, self.stopping = (0.0, self._hold.demands["brake"]), 1.0, False
         if valid and not (self.stopping and moves):
             self._held, self._left, self.stopping = given, 1.0, False
