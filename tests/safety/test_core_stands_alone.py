@@ -29,6 +29,7 @@ TESTS = [
     "losing",
     "arming",
     "stopping",
+    "who_ends_it",
 ]
 
 

@@ -156,8 +156,8 @@ class Limits:
         "prior odds that an effect varies in time or by condition, times those of its law")
     nameless: float = _rule(0.3, "1", CHOSEN,
         "prior odds that a force follows no mechanism, times those of a mechanism")
-    adds_up: float = _rule(0.05, "m/s", SENSORS,
-        "speed error of free runs that a force must add up to, to be a finding: noise of ordinary sensors")
+    adds_up: float = _rule(0.05, "m/s", CHOSEN,
+        "speed error that a force must add up to where it acts, to be a finding")
     form_error: float = _rule(0.1, "1", CHOSEN,
         "model-form error, of the standard deviation of the lasting residual")
     law_error: float = _rule(0.005, "1", CHOSEN,

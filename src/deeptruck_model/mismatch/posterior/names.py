@@ -182,8 +182,9 @@ def _named(p: Posterior, name: str, tree: Tree) -> Named:
 
 
 def _speed_error(p: Posterior, force: Array) -> float:
-    """Speed error (rms, m/s) that a force (n,) adds up to within the longest free runs."""
-    return p.regression.e.everywhere().adds_up(force, Limits.horizons_s[0])
+    """Speed error (rms, m/s) that a force (n,) adds up to within those of the longest free runs in which it
+    acts: what acts for seconds in an hour is not small for that."""
+    return p.regression.e.everywhere().adds_up(force, Limits.horizons_s[0], where_it_acts=True)
 
 
 def _longer_than_sensors(p: Posterior, name: str, force: Array) -> bool:

@@ -189,14 +189,15 @@ class Evidence:
         """The same evidence, with all recordings to be fitted, held-out ones included."""
         return self if self.whole is None else replace(self, valid=self.whole, whole=None)
 
-    def adds_up(self, force: Array, horizon_s: float) -> float:
+    def adds_up(self, force: Array, horizon_s: float, *, where_it_acts: bool = False) -> float:
         """Speed error (rms, m/s) to which a force (n,), m/s^2, integrates over windows of `horizon_s`, along
-        the fitted drives."""
+        the fitted drives; over all, or those alone in which it acts."""
         steps = max(1, round(horizon_s / self.dt))
         counted = np.where(self.valid, np.nan_to_num(force), 0.0) * self.dt
         fitted = [s for s in self.drives if not s.held_out]
         parts = [counted[k : min(k + steps, s.stop)] for s in fitted for k in range(s.start, s.stop, steps)]
-        return float(np.sqrt(np.mean(np.concatenate([np.cumsum(x) for x in parts]) ** 2)))
+        parts = [x for x in parts if x.any()] if where_it_acts else parts
+        return float(np.sqrt(np.mean(np.concatenate([np.cumsum(x) for x in parts]) ** 2))) if parts else 0.0
 
     def without(self, hidden: Mask | None) -> Evidence:
         """The same evidence without the rows (n,) in which an unrecorded brake acts."""

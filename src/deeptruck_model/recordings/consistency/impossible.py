@@ -44,13 +44,7 @@ SLOW = 3.0  # m/s: below, sensors show zero or creep
 FROZEN_S, FROZEN_RUNS, FROZEN_STEP = 3.0, 5.0, 3.0  # of equal values; times the usual ones, and their steps
 # channels that change while a truck drives: the value up to which they may stand still, and the change per
 # second with which they must go on; a speed is held by drivers, so that it must jump by more than they can
-FREEZES = {
-    "speed": (SLOW, 4.0),
-    "elevation": (-np.inf, 0.0),
-    "fuel_rate": (0.0, 0.0),
-    "engine_command": (0.0, 0.0),
-}
-FUEL = ("g/s", "cm^3/s")  # units of an engine command that is measured
+FREEZES = {"speed": (SLOW, 4.0), "elevation": (-np.inf, 0.0)}
 PLACE_S, MOVED_M_S = 10.0, 3.0  # over which positions move by so much; receivers that stand drift by less
 NO_SPEED = 0.05  # m/s: less is the noise of a speed that is not written
 ZERO_S = 8.0  # of zero in a row, in whose halves positions move on; receivers are late by less
@@ -80,7 +74,7 @@ def impossible(channel: str, unit: str, time: Array, values: Array) -> Iterator[
     left = np.isfinite(values)
     finders = [_codes] if channel in ("engine_command", "brake_command") and unit == "percent" else []
     finders += [_dropped, _spikes] if channel in CHANGES else []
-    finders += [_frozen] if channel in FREEZES and (channel != "engine_command" or unit in FUEL) else []
+    finders += [_frozen] if channel in FREEZES else []
     for find in finders:
         at = np.flatnonzero(left)
         if len(at) < 3:

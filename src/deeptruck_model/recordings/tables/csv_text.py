@@ -223,10 +223,10 @@ def read_csv(path: Path, form: Format, account: Account) -> Rows:
         elif '"' in line:
             body[k] = _line(next(text_csv.reader([line], delimiter=delimiter)), delimiter)
     table, others = _parsed(body, count, delimiter)
-    trailing = {k: cells for k, cells in others.items() if count >= _filled(cells) and len(cells) > count}
-    if trailing:  # delimiters behind the last cell of some rows
+    trailing = {k: c for k, c in others.items() if 0 < _filled(c) <= count and len(c) >= _filled(header)}
+    if trailing:  # delimiters behind the last cell, in some rows only
         for k, cells in trailing.items():
-            body[k] = _line(cells[:count], delimiter)
+            body[k] = _line([*cells, *[""] * count][:count], delimiter)
         table, others = _parsed(body, count, delimiter)
     omitted += [(k, RAGGED if _filled(cells) else BLANK, len(cells)) for k, cells in others.items()]
     filled = np.flatnonzero([bool(line) for line in body])

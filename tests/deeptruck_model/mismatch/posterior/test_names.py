@@ -37,7 +37,7 @@ class Draws:
 
     @property
     def regression(self) -> Any:
-        whole = SimpleNamespace(adds_up=lambda force, horizon_s: np.abs(force).max())
+        whole = SimpleNamespace(adds_up=lambda force, horizon_s, where_it_acts: np.abs(force).max())
         e = SimpleNamespace(known_physics=self.known_physics, everywhere=lambda: whole)
         return SimpleNamespace(reference=None, rules=RULES, e=e, library=())
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,6 +31,19 @@ def evidence() -> Evidence:
         DT, drives, rng.normal(size=n), np.zeros(n), disagreement, valid, signals, {}, 2e4,
         lambda name, amount: np.zeros(n),
     )  # fmt: skip
+
+
+def test_what_acts_for_seconds_adds_up_as_much_however_long_the_driving(evidence: Evidence) -> None:
+    """0.1 m/s^2 for the last second of a window of 2 s, in one of six windows of the fitted drive."""
+    force = np.zeros(len(evidence))
+    force[round(1.0 / DT) : round(2.0 / DT)] = 0.1
+    rows = round(1.0 / DT)
+    expected = 0.1 * DT * np.sqrt(np.mean(np.r_[np.zeros(rows), np.arange(1, rows + 1)] ** 2))
+    windows = 120 / (2 * rows)
+    whole = replace(evidence, valid=np.ones(len(evidence), dtype=bool))
+    assert whole.adds_up(force, 2.0, where_it_acts=True) == pytest.approx(expected)
+    assert whole.adds_up(force, 2.0) == pytest.approx(expected / np.sqrt(windows))
+    assert whole.adds_up(np.zeros(len(evidence)), 2.0, where_it_acts=True) == 0.0
 
 
 def test_bookkeeping(evidence: Evidence) -> None:

@@ -79,30 +79,20 @@ def test_a_speed_that_stands_still_and_jumps_is_none() -> None:
     assert found(T, cruise) == {} and found(T, coarse) == {}
 
 
-HEIGHT, FUEL = 300.0 + np.round(0.02 * np.cumsum(V), 1), np.round(0.4 * V, 2)
-LEVEL, COASTING = HEIGHT.copy(), FUEL.copy()
-LEVEL[200:600], COASTING[200:600] = LEVEL[200], 0.0
+HEIGHT = 300.0 + np.round(0.02 * np.cumsum(V), 1)
+LEVEL = HEIGHT.copy()
+LEVEL[200:600] = LEVEL[200]
 LEVEL[600:] += LEVEL[200] - HEIGHT[599]  # the road goes on where it was
 
 
-@pytest.mark.parametrize(
-    ("channel", "unit", "values", "still"),
-    [
-        ("elevation", "m", HEIGHT, LEVEL),
-        ("fuel_rate", "g/s", FUEL, COASTING),
-        ("engine_command", "cm^3/s", FUEL, COASTING),
-    ],
-)
-def test_a_channel_that_stands_still_and_jumps_is_none(
-    channel: str, unit: str, values: Array, still: Array
-) -> None:
-    """A pedal is held by its driver, an engine that is towed takes no fuel, and a level road is no fault."""
-    held = values.copy()
+def test_a_height_that_stands_still_and_jumps_is_none() -> None:
+    """A level road is no fault, a driver holds a pedal, and an engine that idles takes the same fuel."""
+    held = HEIGHT.copy()
     held[300:420] = held[300]
-    ((why, none),) = impossible(channel, unit, T, held)
-    assert why == FROZEN and np.flatnonzero(none).tolist() == [*range(301, 420)]
-    assert list(impossible("engine_command", "percent", T, held)) == []
-    assert list(impossible(channel, unit, T, still)) == []
+    assert found(T, held, "elevation") == {FROZEN: [*range(301, 420)]}
+    assert found(T, LEVEL, "elevation") == found(T, held, "engine_command") == {}
+    idling = np.where((T > 30.0) & (T < 50.0), 2.5, np.round(0.4 * V, 2))
+    assert found(T, idling, "fuel_rate") == {}
 
 
 @pytest.mark.parametrize(

@@ -59,6 +59,7 @@ def account(tmp_path: Path, lines: list[str]) -> dict[str, tuple[int, str]]:
         (["t,v,", *ROWS], {}),
         (["t,v", *(f"{row},," for row in ROWS)], {}),
         (["t,v", *(row + "," * (k % 3) for k, row in enumerate(ROWS))], {}),
+        (["t,v", *(row + "," * (k % 4 > 0) for k, row in enumerate(ROWS))], {}),
         (["t,v,", *(f"{row}," for row in ROWS), "9,9,9"], {"outside the pieces": (1, "line 32")}),
         (["sep=;", "t;v", *(row.replace(",", ";") for row in ROWS)], {}),
         (["t\tv", *(row.replace(",", "\t") for row in ROWS)], {}),
