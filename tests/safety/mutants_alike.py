@@ -30,6 +30,8 @@ ALIKE: set[tuple[str, str, str]] = {
         ("core", "return 'too early' if now - motion.time < 0.5 * axis.period_s else ''", "<", "<="),
         ("core", _STEP, ">", ">="),
         ("core", _IDLE, "<", "<="),
+        # no speed on the wire, in 1/256 km/h, is exactly 0.1 m/s
+        ("core", "self._moves = self._speed >= STANDS_M_S", ">=", ">"),
         # no axis of our vehicles has a rest other than 0 (motion.py is tested with one that has)
         ("core", _STEP, "motion.value - axis.rest", "motion.value + axis.rest"),
         ("core", _IDLE, "demand - axis.rest", "demand + axis.rest"),
