@@ -23,7 +23,7 @@ class Settings:
     """driven in the node graph, lock-step"""
     updates: int = 3000
     """of the deep truck"""
-    iterations: int = 40
+    iterations: int = 10
     """of the policy"""
     follow_s: float = 70.0
     """of following, in simulation and over CAN; the radar jumps at 63 s"""
