@@ -52,7 +52,7 @@ class Rules:
     discrepancy: float = _rule(2.0, "1", CHOSEN,
         "times the gain on a learned simulator's own recordings that a name must exceed on others")
     parameter_gain: float = _rule(20.0, "nats", CHOSEN,
-        "gain of a free parameter, or of unrecorded braking, below which it is not reported")
+        "gain of unrecorded braking, below which it is not reported")
     nearly_right: float = _rule(0.015, "1", CHOSEN,
         "relative error that any simulator's parameter may have: its interval is beyond it")
 

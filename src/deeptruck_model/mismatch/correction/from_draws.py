@@ -1,9 +1,10 @@
 """The corrected simulator from the draws: what is stated, and perhaps the rest as one nameless force.
 
 There are three candidates: the simulator as given; what is stated, accepted names and parameters with sizes
-by exact runs; and the same with the mean of everything else that is in the draws. Where nothing is stated all
-parameters, fitted by exact runs too, stand in the place of the second. What predicts fitted drives that are
-left out best is driven along the held-out ones.
+by exact runs; and the same with the mean of everything else that is in the draws. A name whose force is
+another in each drive carries none to further drives, and is in no candidate. All parameters, fitted by exact
+runs with nothing else, stand beside. What predicts fitted drives that are left out best is driven along the
+held-out ones.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ class Correction:
 
     `left_out` are first-order speed errors (drives,), rms in m/s, of fitted drives that were left out in
     turn, by simulator as in `FreeRunErrors`; empty if they are too few. `needless` are found names whose
-    interval holds zero, or without which drives left out are predicted as well.
+    interval holds zero, or what any simulator may be off by, or without which drives left out are predicted
+    as well.
     """
 
     corrected: CorrectedTruck
@@ -241,7 +243,7 @@ def _contradicted_mass(c: Compared, alone: Fitted) -> Iterator[str]:
     if "mass" not in c.parameters or not alone.places("mass"):
         return
     change, sd = alone.change("mass")
-    if sd < 0.5 * FREE["mass"]:
+    if sd < Limits.identified * FREE["mass"]:
         value, wide = c.parameters["mass"] * (1.0 + change), Z95 * c.parameters["mass"] * sd
         recordings = [p.recording for p in c.drives.part(held_out=False)]
         yield from contradicted_mass(recordings, value, (value - wide, value + wide))

@@ -77,14 +77,14 @@ class Budget:
 def budget(p: Posterior, given: Evidence, of: Mask | None = None) -> Budget:
     """Split the simulator's error, as in the evidence `given`, into parts over the fitted rows.
 
-    If the regression used refitted parameters, the change due to the refit counts in their families. The
+    If the regression used estimated parameters, the change due to them counts in their families. The
     residual in rows in which an unrecorded brake acts is the part HIDDEN. Rows of events count as no error:
     what acts for seconds is not in the budget. Shares are of the mean in the draws `of` (m,), from which the
     forces of findings are too; intervals are of all draws.
     """
     regression, e = p.regression, p.regression.e
     columns, draws, part_of = _columns(p)
-    fixed = _refitted(regression, given)
+    fixed = _estimated(regression, given)
     used = np.zeros(len(e), dtype=bool)
     used[regression.rows] = True
     hidden = np.zeros(len(e), dtype=bool) if given.hidden is None else given.hidden & ~e.held_out
@@ -204,8 +204,8 @@ def _shares(draws: Array, groups: Sequence[Indices], products: Array) -> Array:
     return np.column_stack([gained * scale[:, None], np.where(some, rest, 1.0)])
 
 
-def _refitted(regression: Regression, given: Evidence) -> dict[str, Array]:
-    """The fixed columns (n,), m/s^2, by family: the change of the residual by refitted parameters, including
+def _estimated(regression: Regression, given: Evidence) -> dict[str, Array]:
+    """The fixed columns (n,), m/s^2, by family: the change of the residual by estimated parameters, including
     their prior means. Its nonlinear part is divided in proportion to the linear parts."""
     e = regression.e
     X, prior = regression.design()

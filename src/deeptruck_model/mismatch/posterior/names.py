@@ -223,7 +223,7 @@ def _explanations(acts: Mapping[str, Mask]) -> tuple[Explanation, ...]:
 @dataclass(frozen=True)
 class Compared:
     """A comparison: the simulator's own `parameters`, the drives, the evidence of the simulator as given, the
-    posterior (perhaps linearised at refitted parameters), names, budget, events, and remarks (`caveats`)."""
+    posterior (perhaps linearised at estimated parameters), names, budget, events, and remarks (`caveats`)."""
 
     parameters: Mapping[str, float]
     drives: PreparedDrives
