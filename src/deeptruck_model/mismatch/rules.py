@@ -131,8 +131,6 @@ class Limits:
     # detection
     usual_discrepancy: float = _rule(0.08, "m/s^2", CHOSEN,
         "rms, by which learned simulators are wrong where the error of this one is not known")
-    least_drives: int = _rule(4, "drives", CHOSEN,
-        "below which their disagreement on a size is not estimated")
     event_compared: float = _rule(0.7, "1", CHOSEN,
         "of the samples of a window, above which an event may be in it")
     notable: float = _rule(0.02, "m/s^2", SENSORS,

@@ -13,6 +13,7 @@ from deeptruck_model.mismatch.posterior import kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
+from deeptruck_model.mismatch.residual.noise import TAIL, Fit
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import driving_cycles
 
@@ -150,3 +151,9 @@ def alike(search: Regression, made: Regression) -> Regression:
 @cache
 def _regression() -> Regression:
     return Regression(evidence())
+
+
+def loss(found: Fit) -> float:
+    """Nats that a fit leaves: minus the log likelihood of the Student-t innovations."""
+    known = found.innovations[np.isfinite(found.innovations)]
+    return float((TAIL + 1) / 2 * np.log1p(known**2 / TAIL).sum() + len(known) * np.log(found.sigma))

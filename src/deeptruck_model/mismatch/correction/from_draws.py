@@ -172,7 +172,7 @@ def _nameless(p: Posterior, given: Mask, stated: set[str]) -> list[Part]:
         return []
     X, rows = np.concatenate([t.columns for t in taken], axis=1), p.regression.rows
     known = np.full(len(rows), p.noise.sigma**-2)
-    b, _ = ridge(force[rows], X[rows], known, Prior.join(*(t.prior for t in taken)))
+    b = ridge(force[rows], X[rows], known, Prior.join(*(t.prior for t in taken)))
     ends = np.cumsum([0, *(t.columns.shape[1] for t in taken)])
     return [_part(t, b[i:j]) for t, (i, j) in zip(taken, itertools.pairwise(ends.tolist()), strict=True)]
 

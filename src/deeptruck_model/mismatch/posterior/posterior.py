@@ -390,5 +390,5 @@ def without_roads(e: Evidence) -> Evidence:
     white = 1.4826 * float(np.median(np.abs(np.diff(y[e.valid])))) / np.sqrt(2.0)
     precision = e.valid / max(white, e.rules.noise_floor) ** 2
     k = X.shape[1]
-    b = ridge(y, X, precision, Prior(np.zeros(k), np.ones(k), np.zeros(k)))[0]
+    b = ridge(y, X, precision, Prior(np.zeros(k), np.ones(k), np.zeros(k)))
     return replace(e, residual=e.residual - X[:, : road.shape[1]] @ b[: road.shape[1]])

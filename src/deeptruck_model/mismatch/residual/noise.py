@@ -10,11 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import gammaln, log_ndtr
-from scipy.stats import t as student_t
 
 from deeptruck_core.arrays import Array, Indices, Mask
-from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.trucks.compiled import entry
 
 ORDER = 5  # of the autoregression
@@ -61,33 +59,27 @@ class Prior:
 
 @dataclass(frozen=True)
 class Fit:
-    """Posterior of the coefficients (k,), covariance (k, k), log evidence in nats, and the fitted noise.
-
-    `between` (k,) is the sd of the coefficients between recordings; zero if these are too few. `innovations`
-    (n,) are in units of sigma and NaN where a sample does not count.
-    """
+    """The coefficients (k,) of largest posterior probability, and the fitted noise. `innovations` (n,) are in
+    units of sigma and NaN where a sample does not count."""
 
     b: Array
-    covariance: Array
-    between: Array
-    evidence: float
     sigma: float
     ar: Array
     innovations: Array
 
 
 def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit:
-    """Posterior mode and Laplace evidence. Coefficients that violate their sign are set to zero.
+    """Posterior mode. Coefficients that violate their sign are set to zero.
 
-    X (n, k) may have k = 0. `start` gives the initial noise model; white noise by default.
+    X (n, k) may have k = 0. `start` gives the initial noise model; white noise by default. If no sample
+    counts, as in a part of the recordings, it is that of the prior.
     """
-    use = series.usable()
+    use, innovations = series.usable(), np.full(len(series.y), np.nan)
     if not use.any():
-        return _without_samples(series, prior)
+        return Fit(prior.mean.copy(), series.rules.noise_floor, np.zeros(ORDER), innovations)
     ar, sigma = (start.ar, start.sigma) if start else (np.zeros(ORDER), _spread(series.y[use]))
     b = prior.mean.copy()
     weight = np.ones(len(series.y))
-    active = np.ones(X.shape[1], dtype=bool)
     rel, rows = series.relative[use], np.flatnonzero(use)
     for turn in range(2 if start else 4):
         if turn:
@@ -95,114 +87,13 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit
             ar = _autoregression(series, series.y - X @ b, use, weight, top)
         yw, Xw = whiten(series.y, ar, rows), whiten(X, ar, rows)
         for _ in range(2):
-            b, active = ridge(yw, Xw, weight[use] / (rel * sigma) ** 2, prior)
+            b = ridge(yw, Xw, weight[use] / (rel * sigma) ** 2, prior)
             e = (yw - Xw @ b) / rel
             w = (TAIL + 1) / (TAIL + (e / sigma) ** 2)
             sigma = max(float(np.sqrt(np.mean(w * e**2))), series.rules.noise_floor)
             weight[use] = w
-    return _finish(series, use, b, active, yw, Xw, rel, sigma, ar, prior)
-
-
-def _occam(X: Array, weight: Array, left: Array, b: Array, prior: Prior) -> float:
-    """Log of the integral over all coefficients that their signs permit, minus the log likelihood at b
-    (nats).
-
-    The log posterior is a parabola about b, whose maximum may violate a sign: a column dropped at zero is
-    penalised too, by the share of the posterior with the right sign (Laplace's method).
-    """
-    precision, gap = 1 / prior.sd**2, b - prior.mean
-    H = (X * weight[:, None]).T @ X + np.diag(precision)
-    covariance: Array = np.linalg.inv(H).astype(np.float64)
-    slope = X.T @ (weight * left) - precision * gap
-    step = covariance @ slope
-    signed = np.flatnonzero(prior.sign > 0)
-    out = 0.5 * (slope @ step - precision @ gap**2 + np.log(precision).sum() - np.linalg.slogdet(H)[1])
-    out += log_orthant((b + step)[signed], covariance[np.ix_(signed, signed)])
-    return float(out - log_ndtr(prior.mean[signed] / prior.sd[signed]).sum())
-
-
-def log_orthant(mean: Array, covariance: Array) -> float:
-    """Log probability that a normal vector (k,) has no negative entry.
-
-    One entry after another is truncated at zero, and the rest is approximated by a normal distribution with
-    the resulting moments (Mendell and Elston, Biometrics 30, 1974); the least probable entry goes first.
-    """
-    mean, covariance, out = mean.copy(), covariance.copy(), 0.0
-    left = list(range(len(mean)))
-    while left:
-        i = min(left, key=lambda k: mean[k] / np.sqrt(covariance[k, k]))
-        left.remove(i)
-        sd = np.sqrt(covariance[i, i])
-        at = mean[i] / sd
-        log_p = float(log_ndtr(at))
-        hazard = float(np.exp(-0.5 * (at**2 + np.log(2.0 * np.pi)) - log_p))
-        across = covariance[:, i] / sd
-        mean += across * hazard
-        covariance -= np.outer(across, across) * hazard * (hazard + at)
-        np.fill_diagonal(covariance, np.maximum(np.diag(covariance), 1e-30))
-        out += log_p
-    return out
-
-
-def _without_samples(series: Series, prior: Prior) -> Fit:
-    """The fit if no sample counts, as in a part of the recordings: the prior."""
-    n, k = len(series.y), len(prior.mean)
-    return Fit(
-        prior.mean.copy(),
-        np.diag(prior.sd**2),
-        np.zeros(k),
-        0.0,
-        series.rules.noise_floor,
-        np.zeros(ORDER),
-        np.full(n, np.nan),
-    )
-
-
-def _finish(
-    series: Series,
-    use: Mask,
-    b: Array,
-    active: Mask,
-    yw: Array,
-    Xw: Array,
-    rel: Array,
-    sigma: float,
-    ar: Array,
-    prior: Prior,
-) -> Fit:
-    scaled = (yw - Xw @ b) / (rel * sigma)
-    norm = gammaln((TAIL + 1) / 2) - gammaln(TAIL / 2) - 0.5 * np.log(TAIL * np.pi)
-    point = norm - (TAIL + 1) / 2 * np.log1p(scaled**2 / TAIL) - np.log(rel * sigma)
-    w = (TAIL + 1) / (TAIL + scaled**2) / (rel * sigma) ** 2
-    precision = 1 / prior.sd[active] ** 2
-    Xa = Xw[:, active]
-    H = (Xa * w[:, None]).T @ Xa + np.diag(precision)
-    evidence = float(point.sum()) + _occam(Xw, w, yw - Xw @ b, b, prior)
-    covariance = np.zeros((len(b), len(b)))
-    covariance[np.ix_(active, active)] = np.linalg.inv(H)
-    between = np.zeros(len(b))
-    between[active] = _between(
-        Xa * (w * scaled * rel * sigma)[:, None], series, use, covariance[active][:, active]
-    )
-    innovations = np.full(len(series.y), np.nan)
-    innovations[use] = scaled
-    return Fit(b, covariance, between, evidence, sigma, ar, innovations)
-
-
-def _between(gradient: Array, series: Series, use: Mask, covariance: Array) -> Array:
-    """Sd of the coefficients from the gradients of the log likelihood (m, k), summed over each recording.
-
-    If a form is not exact, its best size differs between drives, which the noise within a drive does not
-    show: the cluster-robust variance of Liang and Zeger, widened by Student's t for few recordings.
-    """
-    drive = np.cumsum(series.starts)[use]
-    count = len(np.unique(drive))
-    if count < Limits.least_drives:
-        return np.zeros(len(covariance))
-    score = np.stack([gradient[drive == k].sum(axis=0) for k in np.unique(drive)]) @ covariance
-    wider = count / (count - 1) * (student_t.ppf(0.975, count - 1) / Z95) ** 2
-    out: Array = np.sqrt(wider * np.sum(score**2, axis=0))
-    return out
+    innovations[use] = (yw - Xw @ b) / (rel * sigma)
+    return Fit(b, sigma, ar, innovations)
 
 
 def whiten(x: Array, ar: Array, rows: Indices, weight: Array | None = None) -> Array:
@@ -224,9 +115,9 @@ def _whiten(x: Array, ar: Array, rows: Indices, weight: Array, out: Array) -> No
             out[i, j] = w * (x[r, j] - before)
 
 
-def ridge(y: Array, X: Array, weight: Array, prior: Prior) -> tuple[Array, Mask]:
-    """Coefficients (k,) by ridge regression of y (n,) on X (n, k) with sign constraints on some, and which
-    are not zero: the largest violations are removed until none is left."""
+def ridge(y: Array, X: Array, weight: Array, prior: Prior) -> Array:
+    """Coefficients (k,) by ridge regression of y (n,) on X (n, k) with sign constraints on some: the largest
+    violations are set to zero until none is left."""
     root = np.sqrt(weight)
     Xr = X * root[:, None]
     H = Xr.T @ Xr + np.diag(1 / prior.sd**2)
@@ -241,7 +132,7 @@ def ridge(y: Array, X: Array, weight: Array, prior: Prior) -> tuple[Array, Mask]
             break
         active[int(np.argmin(breach / np.sqrt(1 / np.diag(H))))] = False
         b[~active] = 0.0
-    return b, active
+    return b
 
 
 def _autoregression(series: Series, n: Array, use: Mask, weight: Array, top: float) -> Array:

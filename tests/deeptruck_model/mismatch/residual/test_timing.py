@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
+from small_drives import loss
 
 from deeptruck_core.constants import GRAVITY
 from deeptruck_model.mismatch.posterior.posterior import gains
@@ -40,7 +41,7 @@ def test_nothing_makes_up_for_it(smoothed: Evidence, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(timing, "REACH_S", 0.0)
     without = Regression(smoothed)
     without.weigh(beside.sigma)  # alike
-    assert fitted(beside).evidence > fitted(without).evidence + 100.0
+    assert loss(fitted(beside)) < loss(fitted(without)) - 100.0
     assert _most(without) > 20.0 > _most(beside)
 
 
@@ -74,7 +75,7 @@ def test_a_slope_that_is_recorded_late_or_early_is_no_finding(
     lateness = found.b[len(search.parameters) + 2]
     assert lateness == pytest.approx(late_s, abs=0.1)
     level = Regression(replace(search.e, signals=search.e.signals | {"grade": np.zeros(len(e))}))
-    assert found.evidence > fitted(level).evidence + 100.0  # it had to be made up for
+    assert loss(found) < loss(fitted(level)) - 100.0  # it had to be made up for
     assert _most(search) < 20.0
 
 
@@ -101,6 +102,6 @@ def test_shifts_a_little_sooner_are_known_beside_all_else(nothing_missing: Evide
     without = Regression(e)
     without.weigh(beside.sigma)  # alike
     found = fitted(beside)
-    assert found.evidence > fitted(without).evidence + 100.0
+    assert loss(found) < loss(fitted(without)) - 100.0
     assert found.b[-1] == pytest.approx(0.7, abs=0.05)
     assert _most(beside) < 20.0
