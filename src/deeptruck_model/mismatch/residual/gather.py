@@ -18,7 +18,7 @@ from deeptruck_model.mismatch.prepare.prepared import Prepared, fed, fill, force
 from deeptruck_model.mismatch.residual import components, effective_mass
 from deeptruck_model.mismatch.residual.commands import RUNS, command_response
 from deeptruck_model.mismatch.residual.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence, Grid
-from deeptruck_model.mismatch.residual.left_out import other_gear, other_shift, with_predicted_gears
+from deeptruck_model.mismatch.residual.left_out import gears_apart, with_predicted_gears
 from deeptruck_model.mismatch.residual.timing import at_another_moment, of_a_sample_sooner, samples_apart
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.simulators import Run, Simulator, forced_run
@@ -119,12 +119,11 @@ class _Driven:
         simulated = self.grid.stack([r.y[0, :, ACCELERATION] for r in self.runs])
         return self.grid.stack([p.observed for p in self.prepared]) - simulated, simulated
 
-    def other_gear(self, held_out: Sequence[bool]) -> tuple[list[Mask], list[Mask]]:
+    def gears_apart(self, held_out: Sequence[bool]) -> tuple[list[Mask], list[Mask]]:
         """Native samples of each drive in which the simulator drives in another gear, and those near which it
         shifts at another moment."""
         runs = self.runs if self.known_physics else with_predicted_gears(self.simulator, self.prepared)
-        apart = other_gear(self.prepared, runs, not self.known_physics, held_out)
-        return apart, other_shift(self.prepared, runs)
+        return gears_apart(self.prepared, runs, not self.known_physics, held_out)
 
     def turning(self) -> Array:
         """Acceleration without brakes for a unit force per mass, in each block."""
@@ -154,7 +153,7 @@ def _compared(
     stated = _stated_mass(simulator, prepared, mass_kg)
     signals, mass, mass_known = components.signals(simulator, prepared, d.runs, grid, stated)
     residual, simulated = d.residual()
-    apart, shifting = d.other_gear(held_out)
+    apart, shifting = d.gears_apart(held_out)
     valid = grid.valid() & ~grid.any(apart)
     beyond = float(np.mean(np.abs(simulated[valid]) > IMPOSSIBLE_ACCELERATION)) if valid.any() else 0.0
     if beyond > Limits.no_vehicle:

@@ -27,53 +27,45 @@ NEAR_S = 0.5  # around a different gear, while the engine changes its speed
 RETURNS_S = 2.0  # after a shift, until the pull is back
 
 
-def other_gear(
+def gears_apart(
     prepared: Sequence[Prepared],
     runs: Sequence[Run],
     numbered_alike: bool = False,
     held_out: Sequence[bool] = (),
-) -> list[Mask]:
-    """Native samples (n,) of each recording in which the simulator drives in another gear.
+) -> tuple[list[Mask], list[Mask]]:
+    """Native samples (n,) of each recording in which the simulator drives in another gear, and those near
+    which truck and simulator shift at different moments: their gears differ for however short, or did until a
+    moment ago.
 
-    Compared by the recorded gear, else by the recorded engine speed; all False if neither is recorded. A
-    truck that rolls in neutral (recorded gear 0) differs from a simulator that is in gear. The force of
-    another gear says nothing of missing physics: a simulator that is set to the recorded speed of every
-    sample may shift late by a whole shift where the truck shifts between two samples and slows down.
+    Compared by the recorded gear, else by the recorded engine speed. If neither is recorded, none is another
+    gear, and a shift may be at another moment at every change of the simulated gear. A truck that rolls in
+    neutral (recorded gear 0) differs from a simulator that is in gear. The force of another gear says nothing
+    of missing physics: a simulator that is set to the recorded speed of every sample may shift late by a
+    whole shift where the truck shifts between two samples and slows down.
     """
-    apart = _by_label(prepared, runs, numbered_alike) if "gear" in runs[0].inside else None
-    at_once = apart is not None and not numbered_alike
-    if apart is None and "engine_speed" in runs[0].inside:
+    inside, dt = runs[0].inside, prepared[0].dt
+    apart = _by_label(prepared, runs, numbered_alike) if "gear" in inside else None
+    at_once, known = apart is not None and not numbered_alike, apart is not None
+    if apart is None and "engine_speed" in inside:
         apart = [_by_engine_speed(p, run) for p, run in zip(prepared, runs, strict=True)]
+        known = all("engine_speed" in p.recording.channels for p in prepared)
+    shifting = apart
+    if not known and "gear" in inside:
+        shifting = [np.diff(run.inside["gear"][0], prepend=run.inside["gear"][0, :1]) != 0.0 for run in runs]
+    if shifting is None or _never_alike(shifting, ()):
+        shifting = [np.zeros(len(p.recording), dtype=bool) for p in prepared]
     neutral = [_rolls_in_neutral(p, run) for p, run in zip(prepared, runs, strict=True)]
     if apart is None or _never_alike([a[~n] for a, n in zip(apart, neutral, strict=True)], held_out):
         apart, at_once = neutral, False
     else:
         apart = [a | n for a, n in zip(apart, neutral, strict=True)]
-    dt = prepared[0].dt
     lasting = np.ones(SAMPLES_APART if at_once else round(OTHER_GEAR_S / dt) + 1, dtype=bool)
     near = np.ones(2 * round(NEAR_S / dt) + 1, dtype=bool)
     near[: len(near) // 2] = not at_once  # before it
-    return [binary_dilation(binary_opening(a, lasting), near) if a.any() else a for a in apart]
-
-
-def other_shift(prepared: Sequence[Prepared], runs: Sequence[Run]) -> list[Mask]:
-    """Native samples (n,) of each recording near which truck and simulator shift at different moments: their
-    gears differ for however short, or did until a moment ago.
-
-    Compared by the recorded gear, else by the recorded engine speed. Where neither is known it may be so at
-    every change of the simulated gear.
-    """
-    inside = runs[0].inside
-    apart = _by_label(prepared, runs, numbered_alike=False) if "gear" in inside else None
-    recorded = all("engine_speed" in p.recording.channels for p in prepared)
-    if apart is None and recorded and "engine_speed" in inside:
-        apart = [_by_engine_speed(p, run) for p, run in zip(prepared, runs, strict=True)]
-    if apart is None and "gear" in inside:
-        apart = [np.diff(run.inside["gear"][0], prepend=run.inside["gear"][0, :1]) != 0.0 for run in runs]
-    if apart is None or _never_alike(apart, ()):
-        return [np.zeros(len(p.recording), dtype=bool) for p in prepared]
-    dt = prepared[0].dt
-    return [widen(a, round(NEAR_S / dt), round(RETURNS_S / dt)) for a in apart]
+    return (
+        [binary_dilation(binary_opening(a, lasting), near) if a.any() else a for a in apart],
+        [widen(a, round(NEAR_S / dt), round(RETURNS_S / dt)) for a in shifting],
+    )
 
 
 def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:

@@ -14,8 +14,7 @@ from deeptruck_core.signals import TruckInterface
 from deeptruck_model.mismatch.prepare.drives import NotRecorded, inputs
 from deeptruck_model.mismatch.residual.left_out import (
     braking,
-    other_gear,
-    other_shift,
+    gears_apart,
     with_predicted_gears,
 )
 from deeptruck_model.mismatch.verdict.findings import names_behind
@@ -44,19 +43,19 @@ FASTER = np.where(np.arange(N) < 300, 150.0, 115.0)
 @pytest.mark.parametrize("recorded", [{"gear": GEAR + 1.0}, {"engine_speed": ENGINE_SPEED}])
 def test_where_the_simulator_shifts_later(recorded: dict[str, np.ndarray[Any, Any]]) -> None:
     """Gears numbered from another one on are the same gears."""
-    (marked,) = other_gear([drive(**recorded)], [run(LATER, FASTER)])
+    (marked,), _ = gears_apart([drive(**recorded)], [run(LATER, FASTER)])
     assert marked[250:300].all() and not marked[:244].any() and not marked[306:].any()
 
 
 def test_a_simulator_that_shifts_a_little_later_is_left_out_until_it_has_shifted() -> None:
     """Engine speeds differ in every shift, and say nothing for as short a time."""
     soon = np.where(np.arange(N) < 254, 7.0, 8.0)
-    (marked,) = other_gear([drive(gear=GEAR)], [run(soon, ENGINE_SPEED)])
+    (marked,), _ = gears_apart([drive(gear=GEAR)], [run(soon, ENGINE_SPEED)])
     assert marked[250:259].all() and not marked[:250].any() and not marked[259:].any()
-    (marked,) = other_gear([drive(gear=GEAR)], [run(soon, ENGINE_SPEED)], numbered_alike=True)
+    (marked,), _ = gears_apart([drive(gear=GEAR)], [run(soon, ENGINE_SPEED)], numbered_alike=True)
     assert not marked.any()
     sooner = np.where(np.arange(N) < 252, 7.0, 8.0)  # within what the nuisance terms of shifts allow
-    (marked,) = other_gear([drive(gear=GEAR)], [run(sooner, ENGINE_SPEED)])
+    (marked,), _ = gears_apart([drive(gear=GEAR)], [run(sooner, ENGINE_SPEED)])
     assert not marked.any()
 
 
@@ -64,7 +63,7 @@ def test_a_simulator_that_shifts_a_little_later_is_left_out_until_it_has_shifted
 def test_nothing_is_marked_where_gears_agree_or_none_is_recorded(
     recorded: dict[str, np.ndarray[Any, Any]],
 ) -> None:
-    (marked,) = other_gear([drive(**recorded)], [run(GEAR, ENGINE_SPEED)])
+    (marked,), _ = gears_apart([drive(**recorded)], [run(GEAR, ENGINE_SPEED)])
     assert not marked.any()
 
 
@@ -74,30 +73,30 @@ def test_a_shift_at_another_moment_is_marked_until_the_pull_is_back(
 ) -> None:
     soon = np.where(np.arange(N) < 252, 7.0, 8.0)
     faster = np.where(np.arange(N) < 252, 150.0, 115.0)
-    (marked,) = other_shift([drive(**recorded)], [run(soon, faster)])
+    _, (marked,) = gears_apart([drive(**recorded)], [run(soon, faster)])
     assert marked[245:272].all() and not marked[:245].any() and not marked[272:].any()
-    (marked,) = other_shift([drive(**recorded)], [run(GEAR, ENGINE_SPEED)])
+    _, (marked,) = gears_apart([drive(**recorded)], [run(GEAR, ENGINE_SPEED)])
     assert not marked.any()
 
 
 def test_any_simulated_shift_may_be_at_another_moment_where_none_was_recorded() -> None:
-    (marked,) = other_shift([drive()], [run(GEAR, ENGINE_SPEED)])
+    _, (marked,) = gears_apart([drive()], [run(GEAR, ENGINE_SPEED)])
     assert marked[250:270].all() and not marked[:245].any() and not marked[271:].any()
-    (marked,) = other_shift([drive()], [SimpleNamespace(inside={})])
+    _, (marked,) = gears_apart([drive()], [SimpleNamespace(inside={})])
     assert not marked.any()
 
 
 def test_a_truck_with_other_ratios_is_not_rejected_as_a_whole() -> None:
-    (marked,) = other_gear([drive(engine_speed=2.0 * ENGINE_SPEED)], [run(GEAR, ENGINE_SPEED)])
+    (marked,), _ = gears_apart([drive(engine_speed=2.0 * ENGINE_SPEED)], [run(GEAR, ENGINE_SPEED)])
     assert not marked.any()
 
 
 def test_gears_numbered_alike_are_compared_as_they_are() -> None:
     """A truck that learned the recorded numbers may hold another gear than the recorded one throughout."""
-    (marked,) = other_gear([drive(gear=GEAR + 1.0)], [run(GEAR, ENGINE_SPEED)], numbered_alike=True)
+    (marked,), _ = gears_apart([drive(gear=GEAR + 1.0)], [run(GEAR, ENGINE_SPEED)], numbered_alike=True)
     assert not marked.any()  # all of the time: then nothing decides
     seldom = np.where(np.arange(N) < 300, GEAR, GEAR + 1.0)
-    (marked,) = other_gear([drive(gear=seldom)], [run(GEAR, ENGINE_SPEED)], numbered_alike=True)
+    (marked,), _ = gears_apart([drive(gear=seldom)], [run(GEAR, ENGINE_SPEED)], numbered_alike=True)
     assert marked[300:].all() and not marked[:294].any()
 
 
@@ -110,16 +109,16 @@ def test_rolling_in_neutral_is_marked_beside_a_simulator_in_gear(
     engine: dict[str, np.ndarray[Any, Any]],
 ) -> None:
     """Also where the truck rolls in neutral all of the time, as in a coast-down."""
-    (marked,) = other_gear([drive(gear=NEUTRAL, **engine)], [run(GEAR, ENGINE_SPEED)])
+    (marked,), _ = gears_apart([drive(gear=NEUTRAL, **engine)], [run(GEAR, ENGINE_SPEED)])
     assert marked[:100].all() and not marked[106:].any()
     coasting = {"engine_speed": IDLE} if engine else {}
-    (marked,) = other_gear([drive(gear=0.0 * GEAR, **coasting)], [run(GEAR, ENGINE_SPEED)])
+    (marked,), _ = gears_apart([drive(gear=0.0 * GEAR, **coasting)], [run(GEAR, ENGINE_SPEED)])
     assert marked.all()
 
 
 def test_gears_numbered_from_zero_are_no_neutral() -> None:
     numbered = drive(gear=GEAR - 7.0, engine_speed=ENGINE_SPEED)
-    (marked,) = other_gear([numbered], [run(GEAR, ENGINE_SPEED)])
+    (marked,), _ = gears_apart([numbered], [run(GEAR, ENGINE_SPEED)])
     assert not marked.any()
 
 
@@ -162,9 +161,9 @@ def test_a_logger_with_another_engine_speed_leaves_something_to_fit() -> None:
     """Of two recordings the one to be fitted has rpm for rad/s; the one held out is of another logger."""
     parts = [drive(engine_speed=ENGINE_SPEED / 9.55), drive(engine_speed=ENGINE_SPEED)]
     runs = [run(GEAR, ENGINE_SPEED)] * 2
-    marked = other_gear(parts, runs, held_out=[False, True])
+    marked, _ = gears_apart(parts, runs, held_out=[False, True])
     assert not np.concatenate(marked).any()
-    marked = other_gear(parts, runs, held_out=[True, False])
+    marked, _ = gears_apart(parts, runs, held_out=[True, False])
     assert marked[0].all() and not marked[1].any()
 
 
