@@ -141,17 +141,19 @@ def _features(e: Evidence) -> dict[str, Array]:
 
 
 def with_channels(prepared: Sequence[Prepared], happened: Sequence[Event]) -> tuple[Event, ...]:
-    """The events with the recorded channels, besides the motion, that move in them as in few spans of the
-    same length along that drive: much more, or not at all."""
+    """The events with the recorded channels, besides the motion, that move in them as in few other spans of
+    the same length along that drive: much more, or not at all."""
     of = {p.recording.name: p.recording for p in prepared}
     return tuple(replace(x, channels=tuple(_unusual(of[x.recording], x))) for x in happened)
 
 
 def _unusual(r: Recording, x: Event) -> Iterator[str]:
     begin, end = np.searchsorted(r.time, (x.start_s, x.end_s)).tolist()
-    starts = range(0, len(r) - (end - begin) + 1, max(1, (end - begin) // 2))
+    length = end - begin
+    every = range(0, len(r) - length + 1, max(1, length // 2))
+    starts = [a for a in every if abs(a - begin) >= length]
     for name in sorted(r.channels.keys() - {"speed", "acceleration"}):
-        own, *others = (float(np.ptp(r.channels[name][a : a + end - begin])) for a in (begin, *starts))
+        own, *others = (float(np.ptp(r.channels[name][a : a + length])) for a in (begin, *starts))
         known = np.array(others)[np.isfinite(others)]
         if np.isfinite(own) and np.mean(known >= own if own else known == 0.0) <= Limits.seldom:
             yield name
