@@ -72,7 +72,7 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
 
     folds = _folds(p.regression.e)
     alone = fitted(p.regression.parameters, ())
-    free, parts, varying = _stated(p, c.names.found)
+    free, parts = _stated(p, c.names.found)
     needless: set[str] = set()
     stated = fitted(free, parts) if free or parts else None
     while stated is not None and (name := _needless(stated, folds)):
@@ -80,7 +80,7 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
         free = [n for n in free if n != name]
         parts = [q for q in parts if q.mechanism.effect != name]
         stated = fitted(free, parts) if free or parts else None
-    rest = _nameless(p, given, {*free, *varying, *(q.mechanism.effect for q in parts)})
+    rest = _nameless(p, given, {*free, *(q.mechanism.effect for q in parts)})
     and_more = fitted(free, [*parts, *rest]) if rest else None
     before = _rms(p.regression.e, _as_given(alone), folds)
     errors = {id(x): _rms_left_out(x, folds) for x in (stated, and_more, alone) if x is not None}
@@ -108,26 +108,31 @@ def uncorrected(simulator: Simulator, why: str) -> Correction:
     return Correction(given, given, caveats=(why,))
 
 
-def _stated(p: Posterior, found: Sequence[Named]) -> tuple[list[str], list[Part], set[str]]:
-    """Parameters that are found, the form of every other accepted name that carries most of its force to
-    other drives, and the names whose force is another in each drive, so that it carries none."""
-    library, free, parts, varying = {m.effect: m for m in p.regression.library}, [], [], set()
+def _stated(p: Posterior, found: Sequence[Named]) -> tuple[list[str], list[Part]]:
+    """Parameters that are found, and the form of every other accepted name that carries most of its force to
+    other drives."""
+    library, free, parts = {m.effect: m for m in p.regression.library}, [], []
     for f in found:
         if not (f.accepted and f.lasts):
             continue
         if p.is_parameter(f.name):
             free.append(f.name)
-        elif f.name in library and (options := _options(p, library[f.name], f.force, general=True)):
-            own = [t for t in p.regression.candidate_terms(library[f.name]) if not t.general]
-            if not _simplest(p.regression, [*options, *own], f.force).general:
-                varying.add(f.name)
-                continue
+        elif f.name in library and (options := _general(p, library[f.name], f.force)):
             term = _simplest(p.regression, options, f.force)
             rows, b = p.regression.rows, p.on_columns(f.name, term.columns, f.given).mean(axis=0)
             left = f.force[rows] - term.columns[rows] @ b
             if float(left @ left) <= (1.0 - Limits.least_carried) * float(f.force[rows] @ f.force[rows]):
                 parts.append(_part(term, b))
-    return free, parts, varying
+    return free, parts
+
+
+def _general(p: Posterior, m: Mechanism, force: Array) -> list[CandidateTerm]:
+    """Candidate terms of a mechanism that apply to any drive; none where its force (n,) is another in each
+    drive, so that it carries none to further drives."""
+    options = _options(p, m, force, general=True)
+    own = [t for t in p.regression.candidate_terms(m) if not t.general]
+    varies = options and own and not _simplest(p.regression, [*options, *own], force).general
+    return [] if varies else options
 
 
 def _part(term: CandidateTerm, b: Array) -> Part:
@@ -160,6 +165,7 @@ def _nameless(p: Posterior, given: Mask, stated: set[str]) -> list[Part]:
     names, and what follows no mechanism."""
     other = [m for m in p.regression.library if m.effect not in stated]
     likely = [m for m in other if p.inside(m.effect)[given].mean() >= Limits.least_in]
+    likely = [m for m in likely if _general(p, m, p.force(m.effect, given))]
     follows_none = p.inside(UNKNOWN)[given].mean() >= Limits.least_in
     names = [*(m.effect for m in likely), *([UNKNOWN] if follows_none else [])]
     if not names:
