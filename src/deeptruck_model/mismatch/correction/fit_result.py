@@ -4,6 +4,7 @@ improvement, and the strength of forces.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -11,7 +12,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from deeptruck_core.arrays import Array, Indices, Mask
-from deeptruck_core.json_data import SPARSE, stored
+from deeptruck_core.json_data import HIDDEN, SPARSE, stored
 from deeptruck_model.mismatch.folders import AS_GIVEN
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
@@ -167,5 +168,6 @@ class FitResult:
     refit: Mapping[str, Refitted] = field(
         default_factory=dict, metadata=SPARSE
     )  # all parameters, refitted alone
+    tolerance: float = field(default=math.nan, metadata=HIDDEN)  # m/s, up to which a simulator is good enough
     validated: bool = False
     offered: str = AS_GIVEN  # the best along held-out drives; `validated` where that is not the one as given

@@ -12,7 +12,7 @@ from deeptruck_model.mismatch.mechanisms.families import FAMILY, LEFT_OVER, PARA
 from deeptruck_model.mismatch.posterior.budget import Part
 from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.prepare.drives import Rejection
-from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.verdict.result import Advice, Answer, Conclusion, Finding, Kind, Size, Verdict
 from deeptruck_model.mismatch.verdict.wording import (
     BESIDE_MISSING,
@@ -75,7 +75,7 @@ def _together(v: Verdict) -> list[str]:
         changes = {n: x for n, x in v.fit.corrected_parameters.items() if abs(x) >= WORTH_SAYING}
     elif v.offered == REFIT and v.fit.errors is not None:
         sure = {n: r for n, r in v.fit.refit.items() if r.change_ci95[0] * r.change_ci95[1] > 0.0}
-        whole = v.fit.errors.parameters_only.speed <= Rules().visible
+        whole = v.fit.errors.parameters_only.speed <= v.fit.tolerance
         changes = {n: r.change for n, r in sure.items() if whole and abs(r.change) >= WORTH_SAYING}
     return [_changed(n, x, None) for n, x in changes.items()] if len(changes) > 1 else []
 

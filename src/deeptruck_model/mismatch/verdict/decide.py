@@ -216,7 +216,12 @@ def conclude(c: Compared, correction: Correction, driven: Validated, stated: Sta
         stated.events,
         stated.segments,
         stated.regimes,
-        replace(driven.judged, offered=best, validated=best != AS_GIVEN),
+        replace(
+            driven.judged,
+            offered=best,
+            validated=best != AS_GIVEN,
+            tolerance=tolerance(numbers.reference_error, rules),
+        ),
         Data(c.drives.rejected, c.drives.samples, c.share_compared, c.drives.doubts),
         (*c.drives.caveats, *c.caveats, *correction.caveats),
         c.drives.missing,
