@@ -33,18 +33,29 @@ from deeptruck_exam.tool import excluded
 from deeptruck_model import simulators
 from deeptruck_model.mismatch import Mismatch
 from deeptruck_model.mismatch.find import called, compared, concluded
-from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
-from deeptruck_model.mismatch.mechanisms.families import FAMILY, LEFT_OVER, ROOT, UNKNOWN
+from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
+from deeptruck_model.mismatch.mechanisms.families import (
+    FAMILY,
+    LEFT_OVER,
+    PARAMETER_ERRORS,
+    ROOT,
+    SENSOR_ERRORS,
+    UNKNOWN,
+)
 from deeptruck_model.mismatch.posterior.names import Compared
+from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.rules import Rules
 
 NULL = "nothing_missing"
+PARAMETERS = "only_parameters"
 NO_NAME = ("input_not_recorded", "each_drive_differs")  # levels at which no name is right
 NAMED_OFF, CORRECTED_OFF, BUDGET_OFF = 0.1, 0.15, 0.3  # m/s, along held-out drives
 LEAST = 0.01  # probability of a name that is not listed
 PARAMETER_OFF = 0.05  # relative, from which a parameter of the simulator differs from the truck's
 LISTED = 0.1  # probability from which a node counts for calibration
 BINS = 5
+
+SIZE = ("parameter", "true", "value", "ci95", "holds")
 
 Row = dict[str, Any]
 
@@ -197,11 +208,27 @@ def judged(truth: Mapping[str, Any], verdict: Mapping[str, Any], says: str = "")
         "found_events": [
             (x["recording"], x["start_s"], x["end_s"], x["probability"]) for x in verdict.get("events") or ()
         ],
-        "intervals": [i["holds"] for i in score.score_intervals(truth, verdict)],
+        "sizes": [{n: i[n] for n in SIZE} for i in score.score_intervals(truth, verdict)],
+        "contains": contains_stated(verdict, offered),
         "input_stated": score.input_stated(truth, verdict, says),
         "each_drive_found": score.each_drive_found(truth, verdict),
         "says": says,
     }
+
+
+def contains_stated(verdict: Mapping[str, Any], offered: str) -> bool | None:
+    """Whether the offered simulator has every name that is stated; None where none is, or none is offered."""
+    findings = verdict.get("findings") or ()
+    stated = {f["effect"] for f in findings if f["stated"] == f["effect"]} - {UNKNOWN, *SENSOR_ERRORS}
+    if not stated or offered == AS_GIVEN:
+        return None
+    return stated <= (set(PARAMETER_ERRORS) if offered == REFIT else set(verdict["fit"]["corrected"]))
+
+
+def sds_off(size: Mapping[str, Any]) -> float:
+    """By how many of its standard deviations a size is off."""
+    low, high = size["ci95"]
+    return float(abs(size["value"] - size["true"]) / max((high - low) / (2.0 * Z95), 1e-12))
 
 
 def is_attainable(row: Row) -> bool:
@@ -240,6 +267,7 @@ def summary(rows: Sequence[Row]) -> list[str]:
     ]
     several = [r for r in rows if r["level"] == "several"]
     nulls = [r for r in rows if r["level"] == NULL]
+    wrong = [r for r in rows if r["level"] == PARAMETERS]
     named = [r for r in one if _above(r["before"], NAMED_OFF)]
     split = [r for r in one if _above(r["budget_off"], BUDGET_OFF)]
     driven = [r for r in rows if r["true"] and _above(r["before"], CORRECTED_OFF)]
@@ -248,7 +276,8 @@ def summary(rows: Sequence[Row]) -> list[str]:
     said = sum(len(r["said"]) for r in several)
     rare = [r["events"] for r in rows if r["level"] == "rare"]
     hours = sum(8 * MINUTES / 60.0 for _ in nulls)
-    intervals = [holds for r in rows for holds in r["intervals"]]
+    known = [s for r in rows for s in r["sizes"]]
+    off = [sds_off(s) for s in known] or [float("nan")]
     sizes = [r["set_size"] for r in first]
     ratio = np.exp(np.mean([np.log(r["after"] / r["before"]) for r in driven])) if driven else np.nan
     logs = [np.log(max(r["probability"], LEAST)) for r in one]
@@ -267,8 +296,10 @@ def summary(rows: Sequence[Row]) -> list[str]:
         "statements that are right, of parameters that are off too": _of(
             s in (*t, *(FAMILY[n] for n in t)) for s, t in stated
         ),
-        "names said at 0.95 or more that are right; at 0.8 to 0.95": _of(x for p, x in said_at if p >= 0.95)
-        + f"; {_of(x for p, x in said_at if 0.8 <= p < 0.95)}",
+        "names said at 0.95 or more that are right; at 0.8 to 0.95; at 0.5 to 0.8": "; ".join(
+            _of(x for p, x in said_at if low <= p < high)
+            for low, high in ((0.95, 1.1), (0.8, 0.95), (0.5, 0.8))
+        ),
         f"something named, where off by {NAMED_OFF:g} m/s or more": _of(bool(r["said"]) for r in named),
         f"largest part of the budget is the true family, where off by more than {BUDGET_OFF:g} m/s": _of(
             r["parts"] == [FAMILY[r["true"][0]]] for r in split
@@ -278,11 +309,21 @@ def summary(rows: Sequence[Row]) -> list[str]:
         f"held-out error, what is offered over as given, where off by more than {CORRECTED_OFF:g} m/s, "
         "geometric mean": f"{ratio:.2f} of {len(driven)}",
         "offered, and worse on eight further drives": f"{len(worse)} of {len(further)}",
+        "a stated name is in the simulator that is offered": _of(
+            r["contains"] for r in rows if r["contains"] is not None
+        ),
         "nulls with a finding": _of(bool(r["said"]) for r in nulls),
+        "nulls with wrong parameters: with a name that is no parameter; silent": _of(
+            not set(r["said"]) <= set(PARAMETER_ERRORS) for r in wrong
+        )
+        + f"; {_of(not r['said'] for r in wrong)}",
         "events of level rare: located by half or more": f"{sum(e['located'] for e in rare)} of "
         f"{sum(e['true'] for e in rare)}",
         "events in nulls": f"{sum(len(r['found_events']) for r in nulls)} in {hours:.1f} h",
-        "true sizes inside their 95 % intervals": _of(intervals),
+        "true sizes inside their 95 % intervals; standard deviations off, median and largest": _of(
+            s["holds"] for s in known
+        )
+        + f"; {np.median(off):.1f}, {np.max(off):.1f}",
         "a withheld input is reported, and no name given that it explains": _of(
             bool(r["input_stated"]) for r in rows if r["input_stated"] is not None
         ),
@@ -322,6 +363,7 @@ def by_level(rows: Sequence[Row]) -> list[str]:
             f"{', '.join(r['said']) or 'nothing'} for {', '.join(r['true']) or 'nothing'} ({r['seed']})"
             for r in own
             if (r["said"] != r["true"] if level not in NO_NAME else r["input_stated"] is False)
+            and not (level == PARAMETERS and set(r["said"]) <= set(PARAMETER_ERRORS))
         ]
         named = [r["right_first"] for r in own if r["true"]]  # of nothing there is no name
         out.append(f"{level.replace('_', ' ')} | {_of(named) if named else '-'} | {'; '.join(wrong)}")

@@ -7,6 +7,7 @@ import pytest
 
 from deeptruck_exam.cases.levels import (
     LEVELS,
+    NO_EFFECT,
     NOT_RECORDED,
     SLOPE_OR_WIND,
     choose,
@@ -25,9 +26,11 @@ def test_plans_of_every_level(level: str) -> None:
     off = [
         np.ptp([p.simulator_values.get(n, 1.0) / p.values.get(n, 1.0) for n in trucks.TUNABLE]) for p in plans
     ]
-    assert (np.median(off) > 0.05) == (level in ("wrong_parameters", "absorbed"))
+    assert (np.median(off) > 0.05) == (level in ("wrong_parameters", "absorbed", "only_parameters"))
     if level == "nothing_missing":
         assert all(not p.effects for p in plans) and 0.0 < max(off) < 0.03
+    elif level == "only_parameters":
+        assert not any(p.effects for p in plans)
     elif level == "input_not_recorded":
         assert {p.hidden_input for p in plans} == set(NOT_RECORDED)
     else:
@@ -41,7 +44,7 @@ def test_plans_of_every_level(level: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "level", [n for n in LEVELS if n not in ("nothing_missing", "input_not_recorded", "unknown")]
+    "level", [n for n in LEVELS if n not in (*NO_EFFECT, "input_not_recorded", "unknown")]
 )
 def test_a_level_goes_through_all_that_suit_in_its_own_order(level: str) -> None:
     some = suitable(level)

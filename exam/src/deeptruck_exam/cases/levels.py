@@ -27,8 +27,10 @@ LEVELS = (
     "slope_or_wind",
     "slope_or_wind_felt",
     "each_drive_differs",
+    "only_parameters",
     "nothing_missing",
 )
+NO_EFFECT = ("only_parameters", "nothing_missing")
 FELT = "slope_or_wind_felt"  # with an accelerometer
 SLOPE_OR_WIND = ("slope_or_wind", FELT)
 NOT_RECORDED: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -53,7 +55,7 @@ def hidden_input(level: str, seed: int) -> str:
 def suitable(level: str) -> list[Effect]:
     """The effects that a level may hide, in an order specific to the level, so that a seed does not select
     the same law at every level."""
-    if level in ("nothing_missing", "input_not_recorded"):
+    if level in (*NO_EFFECT, "input_not_recorded"):
         return []
     if level == "each_drive_differs":
         return each_drive()
@@ -89,7 +91,7 @@ def choose(level: str, seed: int, effect: str | None) -> tuple[tuple[Effect, ...
     """
     if level not in LEVELS:
         raise InputError(f"there is no level '{level}'; levels: {', '.join(LEVELS)}")
-    if level == "nothing_missing":
+    if level in NO_EFFECT:
         return (), ()
     if level == "input_not_recorded":
         hides_a_law = {"slope": "slope_not_recorded", "gap": "slipstream"}.get(hidden_input(level, seed))

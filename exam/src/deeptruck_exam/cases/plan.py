@@ -111,7 +111,7 @@ def draw_plan(
 
 def _simulator_values(level: str, values: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
     """The simulator's parameters: exact, slightly wrong, or clearly wrong."""
-    spread = {"wrong_parameters": 1.0, "absorbed": 1.0}.get(level, 0.0)
+    spread = {"wrong_parameters": 1.0, "absorbed": 1.0, "only_parameters": 1.0}.get(level, 0.0)
     if level == "nothing_missing" and rng.random() < 0.5:
         spread = 0.01 / 0.06
     drawn = dict(values)
