@@ -106,11 +106,13 @@ class Column:
     @cached_property
     def header(self) -> Header:
         """The words of its name and its unit: stated elsewhere, in its cells, a row of units, or its name."""
-        if self.is_text and not self.below and self.unit:
+        if self.below:
+            return header(self.name, self.below, "by the form of the table")
+        if self.is_text and self.unit:
             return header(self.name, self.unit, "behind its numbers")
         above = [cell or "" for cell in self.cells[:MOST_ABOVE].to_pylist()] if self.is_text else []
         unit = next((cell for cell in above if spelled(cell, self.name)), "")
-        return header(self.name, self.below or unit)
+        return header(self.name, unit)
 
     @cached_property
     def is_numbers(self) -> bool:

@@ -68,7 +68,7 @@ def read_samples(path: Path, meaning: Columns) -> Samples:
         known = ~np.isnan(values[channel])
         cuts = [*cuts, *time[known][1:][np.abs(np.diff(values[channel][known])) > step]]
     notes: list[str] = []
-    series = {channel: _measured(channel, time, v, notes) for channel, v in values.items()}
+    series = {channel: _measured(table, channel, time, v, notes) for channel, v in values.items()}
     for channel, column in meaning.channels.items():
         if column.late_s:
             stamped = len(series[channel].valid.time)
@@ -97,10 +97,8 @@ def _check_pedals(table: Table, meaning: Columns) -> None:
 def _values(table: Table, channel: str, column: Source) -> Array:
     """The channel (n,) in its canonical unit. Raises InputError for cells of another unit, and for one
     component of a velocity in place of the whole."""
-    values = table.numbers(column.field, channel)
-    if column.across:
-        values = np.hypot(values, table.numbers(column.across, channel))
-    elif channel == "speed" and (other := sibling(column.field, table.columns)):
+    values = table.numbers(column.field, channel, column.across)
+    if channel == "speed" and not column.across and (other := sibling(column.field, table.columns)):
         sideways = column(table[other].values)
         if np.isfinite(sideways).any() and (rms := float(np.sqrt(np.nanmean(sideways**2)))) > SIDEWAYS:
             raise InputError(
@@ -123,20 +121,24 @@ def _values(table: Table, channel: str, column: Source) -> Array:
     return column(values)
 
 
-def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Series:
-    """The channel's samples, without the blank rows between them if a slow sensor fills only some rows.
+def _measured(table: Table, channel: str, time: Array, values: Array, notes: list[str]) -> Series:
+    """The channel's samples, without the blank rows between them if a slow sensor fills only some rows, and
+    without those that a logger filled, which the account counts.
 
     Samples that are evenly spaced in time lack none, whatever rows others add between them. A column that
     alternates and then stops belongs to a sensor that failed and is not treated as slow.
     """
     valid = ~np.isnan(values)
-    for how, renewed in (("held", renewals), ("a straight line", knots)):
+    for how, renewed in (("held", renewals), ("on a straight line", knots)):
         of_states = how == "held" and channel in (*HELD, *LATCHED)  # which stay as they are for long
         rows = np.zeros(0) if of_states else np.flatnonzero(valid)[renewed(values[valid])]
         if len(rows):
-            every = round(float(np.median(np.diff(rows))))
-            notes.append(
-                f"{channel} is renewed every {every} rows and {how} between them: taken where it is renewed"
+            every, filled = round(float(np.median(np.diff(rows)))), valid.copy()
+            filled[rows] = False
+            table.account.channel(channel).set_aside(
+                f"{how} between the rows that renew it, about every {every}",
+                table.at(int(np.argmax(filled))),
+                int(filled.sum()),
             )
             return Series(time[rows], values[rows])
     rows_apart, apart = np.diff(np.flatnonzero(valid)), np.diff(time[valid])

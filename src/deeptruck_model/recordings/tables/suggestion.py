@@ -53,11 +53,17 @@ from deeptruck_model.recordings.words import (
 )
 
 LOOKED_AT = 100_000  # rows by which the clock is found and columns are compared
-SIGNED, SIGNED_SHARE = (
-    0.02,
-    0.002,
-)  # below minus this part of the largest value, in more of the rows: it brakes
-OURS_BEGINS = ["recording", "time"]  # the columns of a table that `table` wrote
+# below minus this part of the largest value, in more of the rows: it brakes
+SIGNED, SIGNED_SHARE = 0.02, 0.002
+# columns by which the writer of a table is known, and the units that it documents
+WRITERS: dict[tuple[str, ...], dict[str, str]] = {
+    ("recording", "time"): {name: channel.unit for name, channel in CHANNELS.items()},  # `table` wrote it
+    ("timestep_time", "vehicle_id"): {  # SUMO's trajectories, by its xml2csv
+        "vehicle_speed": "m/s",
+        "vehicle_acceleration": "m/s^2",
+        "vehicle_slope": "deg",
+    },
+}
 _LATE = 10  # places behind all others: receivers report a speed a second or two late
 _SATELLITES, _TORQUE = frozenset(("gps", "gnss")), frozenset(("torque", "engine"))
 _PEDAL = frozenset(("pedal", "accelerator", "throttle"))
@@ -196,8 +202,8 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
         units = _units_of(table, pivot[0])
         time = [name for name, column in table.columns.items() if column.header.words & TIME][:1]
         table = widened(table, *pivot, time)
-    if [*table.columns][:2] == OURS_BEGINS:
-        units |= {name: CHANNELS[name].unit for name in table.columns if name in CHANNELS}
+    for begin, known in WRITERS.items():
+        units |= known if {*begin} <= table.columns.keys() else {}
     table = table.with_units(units)
     key = key_of(table, [column.values for column in table.numeric if "speed" in column.header.words])
     if key is not None:

@@ -54,13 +54,18 @@ class Table:
         more = f", and {len(self.columns) - len(near)} more" if len(self.columns) > len(near) else ""
         raise InputError(f"{self.path} has no column '{name}'; there is: {plain(', '.join(near))}{more}")
 
-    def numbers(self, name: str, channel: str) -> Array:
-        """A column as float64 (n,), NaN for cells that are blank or not numbers.
+    def numbers(self, name: str, channel: str, across: str = "") -> Array:
+        """A column, or the norm with the one `across`, as float64 (n,), NaN for cells that are blank or not
+        numbers.
 
         The account counts its filled cells under `channel`. Raises InputError if no cell is a number.
         """
         column = self[name]
         values, unreadable = column.values, column.unreadable
+        if across:
+            alone = np.isnan(values) != np.isnan(self[across].values)
+            values = np.hypot(values, self[across].values)
+            unreadable = unreadable | self[across].unreadable | alone
         known, first = ~np.isnan(values), int(np.argmax(unreadable))
         tally = self.account.channel(channel)
         tally.read += int(known.sum() + unreadable.sum())
