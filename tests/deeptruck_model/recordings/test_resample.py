@@ -234,12 +234,14 @@ def truck(engine_unit: str, brake_unit: str) -> TruckInterface:
         ("brake_command", 100.0, ("N m", "percent"), "Give it 'scale: 0.1' .per mille. or 'scale: 0.01'"),
         ("brake_command", -1.0, ("N m", "bar"), "brake_command has the wrong sign .*scale: -1"),
         ("brake_command", -0.1, ("N m", "m/s^2"), "brake_command has the wrong sign .*scale: -1"),
+        ("grade", 100.0, ("N m", "bar"), r"grade is 100 times too large: percent\? .* 'scale: 0\.01'"),
     ],
 )
 def test_a_needed_channel_off_by_one_factor_is_refused_and_the_factor_said(
     channel: str, factor: float, units: tuple[str, str], says: str
 ) -> None:
     series = drive()
+    series["grade"] = Series(series["speed"].time, 0.03 * np.sin(series["speed"].time / 20.0))
     series[channel] = Series(series[channel].time, factor * series[channel].values)
     with pytest.raises(InputError, match=says):
         uniform(series, name="t", interface=truck(*units))
@@ -252,6 +254,28 @@ def test_a_drive_mostly_below_the_limit_is_still_seen_to_be_in_another_unit() ->
     assert 0.05 < (speed > 60).mean() < 0.2
     with pytest.raises(InputError, match="km/h"):
         resampled({"speed": Series(time, speed)})
+
+
+@pytest.mark.parametrize("largest", [100.0, 40.0])
+def test_a_pedal_in_percent_that_is_given_as_a_ratio_is_refused(largest: float) -> None:
+    """It arrives as percent a hundred times too large; most of the time it is pressed by a few percent."""
+    rng, series = np.random.default_rng(0), drive(300.0)
+    pressed = rng.random(3001) < 0.2
+    pedal = np.where(pressed, rng.uniform(0.0, largest, 3001), rng.uniform(0.0, 6.0, 3001))
+    series["engine_command"] = Series(series["speed"].time, 100.0 * pedal)
+    with pytest.raises(InputError, match=r"engine_command is 100 times too large.* 'scale: 0\.01'"):
+        uniform(series, name="t", interface=truck("percent", "bar"))
+
+
+@pytest.mark.parametrize("spacing", [1.013, 0.25])
+def test_samples_in_bursts_have_the_rate_of_the_bursts(spacing: float) -> None:
+    time = np.concatenate([k * spacing + 0.011 * np.arange(3) for k in range(60)])
+    speed = 15.0 + 6.0 * np.sin(time / 10.0)
+    (r,) = resampled({"speed": Series(time, speed), "brake_switch": Series(time, np.round(time) % 2)})
+    assert len(r) * r.dt == pytest.approx(60 * spacing, rel=0.02) and not np.isnan(r.channels["speed"]).any()
+    means = 15.0 + 6.0 * np.sin((r.dt * np.arange(len(r)) + 0.011) / 10.0)
+    assert r.channels["speed"] == pytest.approx(means, abs=0.05)
+    assert {*np.unique(r.channels["brake_switch"])} <= {0.0, 1.0}
 
 
 @pytest.mark.parametrize("share", [0.001, 0.02, 0.1, 0.3])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import math
+import time
 from pathlib import Path
 
 import numpy as np
@@ -269,3 +270,15 @@ def test_commas_mark_thousands_where_another_column_has_points(
     values, unreadable = column.values, column.unreadable
     assert values.tolist() == pytest.approx(expected, nan_ok=True)
     assert unreadable.tolist() == [math.isnan(value) for value in expected]
+
+
+def test_reading_is_linear_in_rows_whatever_the_header(tmp_path: Path) -> None:
+    seconds = []
+    for count in (2000, 20000):
+        rows = "\n".join(["a,b,c", "", *(f"{k},1,2,3" for k in range(count))])
+        (path := tmp_path / f"{count}.csv").write_text(rows)
+        begin = time.process_time()
+        with pytest.raises(InputError, match="is no table as it is read"):
+            read_table(path)
+        seconds.append(time.process_time() - begin)
+    assert seconds[1] < 40 * max(seconds[0], 0.02)  # ten times the rows; a hundred by the square
