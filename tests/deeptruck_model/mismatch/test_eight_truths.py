@@ -179,7 +179,6 @@ TRUTHS = {
         "Payload change is missing",
         ("payload_change", "change[round2]", 5500.0),
         (0.5, 0.3),
-        {"size": "4,739 kg (1,702 to 7,776): the load of a drive comes from the draws, not from exact runs"},
     ),
     "dragging brake": Truth(
         [Refuse(drags=1.0)] * 5, "Dragging brake is missing", ("dragging_brake", "keeps_s", 12.0), (0.4, 0.05)

@@ -2,9 +2,9 @@
 
 There are three candidates: the simulator as given; what is stated, accepted names and parameters with sizes
 by exact runs; and the same with the mean of everything else that is in the draws. A name whose force is
-another in each drive carries none to further drives, and is in no candidate. All parameters, fitted by exact
-runs with nothing else, stand beside. What predicts fitted drives that are left out best is driven along the
-held-out ones.
+another in each drive has its sizes from these runs too, and carries none to further drives. All parameters,
+fitted by exact runs with nothing else, stand beside. What predicts fitted drives that are left out best is
+driven along the held-out ones.
 """
 
 from __future__ import annotations
@@ -84,14 +84,16 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
     and_more = fitted(free, [*parts, *rest]) if rest else None
     before = _rms(p.regression.e, _as_given(alone), folds)
     errors = {id(x): _rms_left_out(x, folds) for x in (stated, and_more, alone) if x is not None}
-    chosen = _better_of(stated, and_more, errors, before, p.regression.rules.better)
+    chosen = sized = _better_of(stated, and_more, errors, before, p.regression.rules.better)
+    if chosen is not None and not (chosen.setting.moved or any(map(_general, chosen.setting.parts))):
+        chosen = None
     left_out = {"before": before, "parameters_only": errors[id(alone)]}
     left_out["after"] = errors[id(chosen)] if chosen is not None else before
     named = {*free, *(q.mechanism.effect for q in parts)}
     return Correction(
         _truck(simulator, chosen),
         _truck(simulator, alone),
-        chosen if chosen is not None else stated,
+        sized if sized is not None else stated,
         {} if chosen is None else _forces(chosen, named),
         {} if chosen is None else {n: _refitted(simulator, chosen, n) for n in free},
         {n: _refitted(simulator, alone, n) for n in p.regression.parameters},
@@ -109,16 +111,14 @@ def uncorrected(simulator: Simulator, why: str) -> Correction:
 
 
 def _stated(p: Posterior, found: Sequence[Named]) -> tuple[list[str], list[Part]]:
-    """Parameters that are found, and the form of every other accepted name that carries most of its force to
-    other drives."""
+    """Parameters that are found, and of every other accepted name the form that has most of its force."""
     library, free, parts = {m.effect: m for m in p.regression.library}, [], []
     for f in found:
         if not (f.accepted and f.lasts):
             continue
         if p.is_parameter(f.name):
             free.append(f.name)
-        elif f.name in library and (options := _general(p, library[f.name], f.force)):
-            term = _simplest(p.regression, options, f.force)
+        elif f.name in library and (term := _term(p, library[f.name], f.force)) is not None:
             rows, b = p.regression.rows, p.on_columns(f.name, term.columns, f.given).mean(axis=0)
             left = f.force[rows] - term.columns[rows] @ b
             if float(left @ left) <= (1.0 - Limits.least_carried) * float(f.force[rows] @ f.force[rows]):
@@ -126,13 +126,18 @@ def _stated(p: Posterior, found: Sequence[Named]) -> tuple[list[str], list[Part]
     return free, parts
 
 
-def _general(p: Posterior, m: Mechanism, force: Array) -> list[CandidateTerm]:
-    """Candidate terms of a mechanism that apply to any drive; none where its force (n,) is another in each
-    drive, so that it carries none to further drives."""
+def _term(p: Posterior, m: Mechanism, force: Array) -> CandidateTerm | None:
+    """The form that stands for a mechanism's force (n,): one that applies to any drive, unless the force is
+    another in each drive; None where it has no form."""
     options = _options(p, m, force, general=True)
-    own = [t for t in p.regression.candidate_terms(m) if not t.general]
-    varies = options and own and not _simplest(p.regression, [*options, *own], force).general
-    return [] if varies else options
+    every = [*options, *(t for t in p.regression.candidate_terms(m) if not t.general)]
+    best = _simplest(p.regression, every, force) if every else None
+    return _simplest(p.regression, options, force) if best is not None and best.general else best
+
+
+def _general(part: Part) -> bool:
+    """Whether a part applies to any drive."""
+    return part.variant.course.general
 
 
 def _part(term: CandidateTerm, b: Array) -> Part:
@@ -143,8 +148,8 @@ def _part(term: CandidateTerm, b: Array) -> Part:
 
 def _needless(fitted: Fitted, folds: Sequence[Mask]) -> str:
     """The name that is least certain of those whose interval holds zero, or what any simulator's parameter
-    may be off by; else one without which drives left out are predicted as well, the least certain first.
-    Empty if there is none."""
+    may be off by; else one without which drives left out are predicted as well, the least certain first,
+    unless its force is another in each drive. Empty if there is none."""
     nearly_right, off = fitted.of.p.regression.rules.nearly_right, dict[str, float]()
     for u in fitted.of.unknown:
         if u.part is None:
@@ -157,6 +162,8 @@ def _needless(fitted: Fitted, folds: Sequence[Mask]) -> str:
     if order and off[order[0]] * Z95 > 1.0:
         return order[0]
     whole = _rms_of(_rms_left_out(fitted, folds))
+    varying = {q.mechanism.effect for q in fitted.of.parts if not _general(q)}
+    order = [n for n in order if n not in varying]
     return next((n for n in order if _rms_of(_rms_left_out(fitted, folds, n)) <= whole), "")
 
 
@@ -165,7 +172,8 @@ def _nameless(p: Posterior, given: Mask, stated: set[str]) -> list[Part]:
     names, and what follows no mechanism."""
     other = [m for m in p.regression.library if m.effect not in stated]
     likely = [m for m in other if p.inside(m.effect)[given].mean() >= Limits.least_in]
-    likely = [m for m in likely if _general(p, m, p.force(m.effect, given))]
+    terms = ((m, _term(p, m, p.force(m.effect, given))) for m in likely)
+    likely = [m for m, term in terms if term is not None and term.general]
     follows_none = p.inside(UNKNOWN)[given].mean() >= Limits.least_in
     names = [*(m.effect for m in likely), *([UNKNOWN] if follows_none else [])]
     if not names:
@@ -238,7 +246,7 @@ def _better_of(
 def _forces(fitted: Fitted, named: set[str]) -> dict[str, Array]:
     """Accelerations (n,) by name, what has no name together."""
     out: dict[str, Array] = {}
-    for name in dict.fromkeys(q.mechanism.effect for q in fitted.of.parts):
+    for name in dict.fromkeys(q.mechanism.effect for q in fitted.of.parts if _general(q)):
         key, force = name if name in named else UNKNOWN, fitted.force(name)
         out[key] = out[key] + force if key in out else force
     return out
@@ -283,7 +291,8 @@ def _truck(simulator: Simulator, fitted: Fitted | None) -> CorrectedTruck:
     if fitted is None:
         return CorrectedTruck(simulator, [], {}, None, False)
     e, s = fitted.e, fitted.setting
-    terms = [Term(q.mechanism.effect, (q.variant,), q.b) for q in s.parts if q.mechanism.effect in LIBRARY]
+    general = [q for q in s.parts if q.mechanism.effect in LIBRARY and _general(q)]
+    terms = [Term(q.mechanism.effect, (q.variant,), q.b) for q in general]
     return CorrectedTruck(simulator, terms, s.moved, Shares.if_unreported(e), False, e.gears)
 
 

@@ -185,13 +185,12 @@ class Exact:
     def slopes(self, x: Array, s: Setting, e: Evidence) -> Array:
         """Change of the acceleration (n, k) by each unknown."""
         out = np.zeros((len(e), len(x)))
+        columns = [candidate_term(q.mechanism, q.variant, e).columns for q in s.parts]
         for j, u in enumerate(self.unknown):
             if u.part is None:
                 out[:, j] = np.nan_to_num(self.e.sensitivity[u.of])
             elif not u.is_constant:
-                out[:, j] = candidate_term(s.parts[u.part].mechanism, s.parts[u.part].variant, e).columns[
-                    :, u.of
-                ]
+                out[:, j] = columns[u.part][:, u.of]
             else:
                 step = STEP if x[j] < u.mean else -STEP
                 there = self.setting(x + step * (np.arange(len(x)) == j))

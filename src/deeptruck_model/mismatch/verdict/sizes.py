@@ -9,8 +9,7 @@ from scipy.stats import truncnorm
 
 from deeptruck_core.arrays import Array, Mask
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column
-from deeptruck_model.mismatch.mechanisms.courses import EachDrive
-from deeptruck_model.mismatch.mechanisms.record import Form
+from deeptruck_model.mismatch.mechanisms.record import Form, Variant
 from deeptruck_model.mismatch.posterior.exact import Fitted
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import changed_by
@@ -25,24 +24,25 @@ MAIN_PARAMETERS = 12  # a profile along the road has hundreds; people get the on
 
 def fitted_sizes(fitted: Fitted, name: str) -> dict[str, Size]:
     """The sizes of a mechanism that was fitted by exact runs, and the constants of its form that have units,
-    with their intervals; of those whose interval holds zero none."""
+    with their intervals; of those whose interval holds zero none, unless it is that of one drive."""
     e, out, step_s = fitted.e, {}, fitted.of.prepared[0].dt
     gain = e.signals.get("effective_mass_gain")
     turning = 1.0 if gain is None else float(np.median(gain[e.valid]))
     sds = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
+    acts = np.abs(fitted.slopes[fitted.of.rows]).max(axis=0, initial=0.0) > 0.0  # along fitted drives
     for i, part in enumerate(fitted.setting.parts):
         if part.mechanism.effect != name:
             continue
         form = part.mechanism.forms[part.variant.form]
         units = form.units if isinstance(form, Form) else {}
-        own = {
-            u.of: (float(x), float(sd))
-            for u, x, sd in zip(fitted.of.unknown, fitted.x, sds, strict=True)
-            if u.part == i
-        }
+        at = [j for j, u in enumerate(fitted.of.unknown) if u.part == i]
+        own = {fitted.of.unknown[j].of: (float(fitted.x[j]), float(sds[j])) for j in at}
+        elsewhere = {fitted.of.unknown[j].of for j in at if not acts[j]}
         constants = {n: x for n, x in own.items() if isinstance(n, str)}
         sized: dict[str, tuple[Column, float, float]] = {}
         for k, column in enumerate(part.columns):
+            if k in elsewhere:
+                continue
             if k in own:
                 for of, weight in column.course or ((column.name, 1.0),):
                     factor = weight * column.factor * (e.unit.scale if column.per_mass else 1.0)
@@ -53,9 +53,10 @@ def fitted_sizes(fitted: Fitted, name: str) -> dict[str, Size]:
                 sized[column.name] = (column, column.factor, abs(column.factor) * wide)
         for of, (column, value, sd) in sized.items():
             unit_of = e.unit.of(column.unit) if column.per_mass else column.unit
-            x = bounded(column, value, float(np.sqrt(sd**2 + timing(column, step_s))), unit_of, e, turning)
-            if x.ci95 is None or x.ci95[0] * x.ci95[1] > 0.0:
-                out[of] = x
+            drive, wide = _drive(part.variant, of), float(np.sqrt(sd**2 + timing(column, step_s)))
+            x = bounded(column, value, wide, unit_of, e, turning, of_drive=bool(drive))
+            if drive or x.ci95 is None or x.ci95[0] * x.ci95[1] > 0.0:
+                out[of] = replace(x, drive=drive)
         for n, (z, sd) in constants.items():
             if n in units and not part.paths:
                 value, ends = np.exp(z), np.exp(z + Z95 * sd * np.array([-1.0, 1.0]))
@@ -99,15 +100,19 @@ def sizes_of(term: CandidateTerm, p: Posterior, given: Mask) -> dict[str, Size]:
     gain = e.signals.get("effective_mass_gain")
     turning = 1.0 if gain is None else float(np.median(gain[e.valid]))
     main = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:MAIN_PARAMETERS]
-    drives = [n for v in term.variants if isinstance(v.course, EachDrive) for n in v.course.names]
     out = {}
     for of in (n for n in sizes if n in main):
         value, sd, unit = sizes[of]
-        drive = next((n for n in drives if of.endswith(f"[{n}]")), "")
+        drive = next(filter(None, (_drive(v, of) for v in term.variants)), "")
         x = bounded(columns[of], value, sd, unit, e, turning, of_drive=bool(drive))
         if drive or x.ci95 is None or x.ci95[0] * x.ci95[1] > 0.0:
             out[of] = replace(x, drive=drive)
     return out
+
+
+def _drive(v: Variant, of: str) -> str:
+    """The drive of which a size is, by its name; empty if it is of all."""
+    return next((n for n in getattr(v.course, "names", ()) if of.endswith(f"[{n}]")), "")
 
 
 def bounded(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from small_drives import TRUCK, LazyBrake, drives
 
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.mechanisms import LIBRARY, variant
+from deeptruck_model.mismatch.mechanisms.courses import EachDrive
 from deeptruck_model.mismatch.posterior.exact import Exact, Fitted, Part
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
@@ -17,6 +19,7 @@ from deeptruck_model.mismatch.prepare.drives import prepare_drives
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.verdict.sizes import fitted_sizes
+from deeptruck_model.trucks import View
 
 OFF = {"mass": 0.12, "drag_area": -0.15, "brake_gain": 0.1}
 
@@ -26,7 +29,7 @@ def exact(truck: trucks.PhysicsTruck, free: tuple[str, ...], parts: tuple[Part, 
     prepared = prepare_drives(TRUCK, drives(truck, 4), [], Rules())
     e = gather(TRUCK, prepared.prepared, prepared.held_out)
     p = posterior(Regression(e.to_fit()), sweeps=1)
-    return Exact(TRUCK, prepared.prepared, p, np.ones(1, dtype=bool), free, parts).fit()
+    return Exact(TRUCK, prepared.prepared, p, np.ones(len(p.draws.states), dtype=bool), free, parts).fit()
 
 
 @cache
@@ -77,3 +80,41 @@ def test_a_drive_is_left_out_of_the_fit() -> None:
     assert np.std(all_in) == pytest.approx(np.std(without_first), rel=0.1)
     assert not np.allclose(all_in, without_first)
     assert np.std(fitted.left_out(nobody, "mass")[rows]) > np.std(all_in)
+
+
+class Wind:
+    """A headwind, m/s."""
+
+    def __init__(self, wind: float) -> None:
+        self.wind = wind
+
+    def reset(self, batch: int) -> None:
+        """It has no state."""
+
+    def force(self, view: View, dt: float) -> np.ndarray:
+        """Newtons, positive forward."""
+        air = view.speed + self.wind
+        return -0.5 * 1.2 * TRUCK.parameters()["drag_area"] * (air * np.abs(air) - view.speed**2)
+
+
+def test_a_wind_of_each_drive_has_a_size_of_each() -> None:
+    winds = (6.0, -6.0, 4.0)
+    fit = [
+        replace(d, name="abc"[k])
+        for k, wind in enumerate(winds)
+        for d in drives(TRUCK.with_forces([Wind(wind)], []), 1, 180.0, seed=k)
+    ]
+    prepared = prepare_drives(TRUCK, fit, fit[:0], Rules())
+    e = gather(TRUCK, prepared.prepared, prepared.held_out).to_fit()
+    p = posterior(Regression(e), sweeps=1)
+    names = tuple(s.name for s in e.drives)
+    each = variant("each drive", EachDrive(names, 1.0 / len(names)), around_m_s=0.0)
+    part = Part(LIBRARY["headwind"], each, (0.0,) * len(names))
+    given = np.ones(len(p.draws.states), dtype=bool)
+    sizes = fitted_sizes(Exact(TRUCK, prepared.prepared, p, given, (), (part,)).fit(), "headwind")
+    by_drive = {x.drive: x for x in sizes.values()}
+    assert by_drive.keys() == {s.name for s in e.drives if not s.held_out}
+    for s in (s for s in e.drives if not s.held_out):
+        size = by_drive[s.name]
+        assert size.ci95 is not None and size.ci95[0] <= winds["abc".index(s.name)] <= size.ci95[1]
+        assert size.ci95[1] - size.ci95[0] < 6.0
