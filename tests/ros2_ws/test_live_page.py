@@ -7,10 +7,7 @@ import os
 import re
 import signal
 import socket
-import subprocess
-import sys
 import time
-import urllib.request
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,8 +17,7 @@ import page_browser
 import pytest
 from page_browser import Page
 
-from deeptruck_core.errors import InputError
-from deeptruck_nodes import environment, page_server
+from deeptruck_nodes import page_server
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.page_server import Server, View
 from deeptruck_nodes.topics import COUNTED
@@ -93,76 +89,42 @@ def sees(element: str, text: str) -> str:
 
 
 @needs_browser
-def test_a_viewer_sees_speed_gap_commands_and_who_drives(run: Run, open_page: Callable[..., Page]) -> None:
-    run.drive(
-        range(40),
-        speed=20.0,
-        leader_speed=18.5,
-        gap=41.26,
-        engine_command=700.0,
-        brake_command=0.0,
-        engaged=1.0,
-    )
-    run.view.report(39 * SECOND, "controller", "ok", "following", {})
-    run.view.publish()
-    page = open_page(run.address, 390, 844)
-    page.wait(sees("nodes", "✓ controller: following"))
-    shown = {
-        "speed": "20.0 m/s",
-        "leader_speed": "18.5 m/s",
-        "gap": "41.3 m",
-        "engine_command": "700.0 N m",
-        "brake_command": "0.0 %",
-    }
-    assert {name: page.text(f"now-{name}") for name in shown} == shown
-    assert page.text("drives") == "The controller drives. No safety core in this run."
-    assert page.get("document.title") == ABOUT["title"]
-    assert page.get("document.documentElement.scrollWidth") == 390, "a phone scrolls down alone"
-    assert page.get("document.querySelectorAll('#strips canvas').length") == 4
-    run.drive(range(40, 44), speed=12.0)  # the controller and the radar hang
-    page.wait(sees("now-speed", "12.0 m/s"))
-    assert page.text("now-engine_command") == "– (700.0 N m, 4 s ago)"
-    assert page.text("now-gap") == "– (41.3 m, 4 s ago)" and "(4 s ago)" in page.text("drives")
-    page.call("Page.reload")
-    page.wait(sees("now-gap", "41.3 m, 4 s ago"))  # the last minute comes again
-    run.view.sample(45 * SECOND, {"gap": float("nan")})
-    run.drive(range(44, 46), speed=12.0)
-    page.wait("document.getElementById('now-gap').textContent === '–'")
-    assert page.errors == []
-
-
-@needs_browser
-def test_a_viewer_sees_the_safety_core_and_its_events(run: Run, open_page: Callable[..., Page]) -> None:
-    core = {
-        "state": "standby",
-        "not_engaged_because": "nobody asks for it; no vehicle ahead",
-        "no_load": "False",
-    }
+def test_a_viewer_sees_the_drive_who_drives_and_what_happened(
+    run: Run, open_page: Callable[..., Page]
+) -> None:
+    core = {"state": "standby", "not_engaged_because": "no vehicle ahead", "no_load": "False"}
     run.drive(range(2), speed=20.0, engaged=0.0)
     run.view.report(2 * SECOND, "can_bridge", "ok", "standby", core)
-    run.view.report(2 * SECOND, "controller", "ok", "following", {"shield_interventions": "0"})
     run.view.publish()
-    page = open_page(run.address)
+    page = open_page(run.address, 390, 844)
     page.wait(sees("reasons", "no vehicle ahead"))
     assert page.text("drives") == "The driver drives. Safety core: standby."
+    driven = {"speed": 20.0, "leader_speed": 18.5, "gap": 41.26, "engine_command": 700.0}
+    run.drive(range(2, 40), **driven, brake_command=0.0, engaged=1.0)
     engaged = {"state": "engaged", "not_engaged_because": "", "no_load": "True"}
-    run.drive(range(2, 5), speed=20.0, engaged=1.0)
     run.view.report(4 * SECOND, "can_bridge", "ok", "engaged", engaged)
-    run.view.report(5 * SECOND, "controller", "ok", "following", {"shield_interventions": "1"})
+    run.view.report(39 * SECOND, "controller", "ok", "following", {"shield_interventions": "1"})
     run.view.publish()
-    page.wait(sees("events", "the shield acted"))
+    page.wait(sees("nodes", "✓ controller: following"))
+    shown = {"speed": "20.0 m/s", "gap": "41.3 m", "engine_command": "700.0 N m", "brake_command": "0.0 %"}
+    assert {name: page.text(f"now-{name}") for name in shown} == shown
     assert page.text("drives") == "The controller drives. Safety core: engaged. Nothing is sent (no load)."
-    assert page.text("reasons") == ""
-    run.drive(range(6, 8), speed=15.0, engaged=-1.0)
-    run.view.report(7 * SECOND, "can_bridge", "error", "the controller is silent: stopping", engaged)
+    assert page.get("document.documentElement.scrollWidth") == 390, "a phone scrolls down alone"
+    run.drive(range(40, 44), speed=12.0)  # the controller and the radar hang
+    page.wait(sees("now-speed", "12.0 m/s"))
+    assert page.text("now-engine_command") == "– (700.0 N m, 4 s ago)" and "(4 s ago)" in page.text("drives")
+    page.call("Page.reload")
+    page.wait(sees("now-gap", "41.3 m, 4 s ago"))  # the last minute comes again
+    run.drive(range(44, 46), speed=15.0, engaged=-1.0, gap=float("nan"))
+    run.view.report(45 * SECOND, "can_bridge", "error", "the controller is silent: stopping", engaged)
     run.view.publish()
     page.wait(sees("drives", "The bridge brakes, holds or fades by itself"))
-    page.wait(sees("nodes", "✖ can_bridge: the controller is silent"))
+    assert page.text("now-gap") == "–"
     events = page.get("[...document.getElementById('events').children].map(x => x.textContent)")
     assert events == [
-        "7.0 s ✖ can_bridge: the controller is silent: stopping",
-        "6.0 s ▲ the bridge brakes, holds or fades by itself",
-        "5.0 s ▲ controller: the shield acted",
+        "45.0 s ✖ can_bridge: the controller is silent: stopping",
+        "44.0 s ▲ the bridge brakes, holds or fades by itself",
+        "39.0 s ▲ controller: the shield acted",
         "4.0 s ✓ can_bridge: engaged",
         "2.0 s ✓ the controller drives",
         "0.0 s ▲ the driver drives",
@@ -240,29 +202,6 @@ def test_a_viewer_who_does_not_read_holds_up_nobody(run: Run) -> None:
         assert run.request(f"/{run.token}/")[0] == 200
         run.server.close("")
         assert time.monotonic() - begun < LONG
-
-
-def test_a_port_that_is_taken_is_refused_in_one_line(run: Run) -> None:
-    with pytest.raises(InputError, match=f"cannot have port {run.port}.*choose another"):
-        page_server.opened(run.port)
-
-
-def test_started_by_hand_it_says_where_it_is(tmp_path: Path, domain: int) -> None:
-    node = subprocess.Popen(
-        [sys.executable, "-m", "deeptruck_nodes.live_page"],
-        env=environment.ros_environment(tmp_path, domain), stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    try:
-        assert node.stdout is not None
-        (address,) = re.findall(r"^page: (http://127\.0\.0\.1:\d+/\S+/)\n$", node.stdout.readline())
-        with urllib.request.urlopen(f"{address}events", timeout=120) as stream:
-            assert b'"ended":null' in stream.readline()
-            os.kill(node.pid, signal.SIGINT)
-            assert b'"ended":""' in stream.read()
-        assert node.wait(120) == 0
-    finally:
-        node.kill()
-        node.wait()
 
 
 # Real runs

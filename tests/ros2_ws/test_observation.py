@@ -26,15 +26,18 @@ def test_an_observation_comes_once() -> None:
     samples = Alignment(strict=True, uses_grade=True, stale_after_s=0.3)
     assert [bool(o) for o in fill(samples, 100)] == [False, False, False, False, True]
     assert not any(fill(samples, 100))
-    assert samples.put("speed", 200, 20.0) is None  # the rest of 200 is not here yet
 
 
-def test_without_a_grade_sensor_nobody_waits_for_the_road() -> None:
+def test_nobody_waits_for_a_road_that_is_not_sensed_and_an_invalid_grade_is_flat() -> None:
     samples = Alignment(strict=True, uses_grade=False, stale_after_s=0.3)
-    samples.put("speed", 5, 20.0)
-    samples.put("engaged", 5, 0.0)
-    samples.put("gap", 5, 40.0)
+    for name, value in (("speed", 20.0), ("engaged", 0.0), ("gap", 40.0)):
+        samples.put(name, 5, value)
     assert samples.put("leader_speed", 5, 21.0) == Observation(5, 20.0, 40.0, 21.0, 0.0)
+    sensed = Alignment(strict=False, uses_grade=True, stale_after_s=0.3)
+    for name, value in (("grade", math.nan), ("speed", 20.0), ("gap", 40.0)):
+        sensed.put(name, 1, value)
+    seen = sensed.put("leader_speed", 1, 21.0)
+    assert seen is not None and seen.grade == 0.0
 
 
 def test_in_real_time_a_radar_sample_takes_the_newest_speed_but_its_own_two_halves_must_match() -> None:
@@ -115,12 +118,3 @@ def test_messages_that_waited_are_no_clock_that_was_set() -> None:
         for name in ("speed", "gap", "leader_speed"):
             samples.put(name, stamp, 20.0, received)
     assert not samples.refused
-
-
-def test_an_invalid_grade_counts_as_flat() -> None:
-    samples = Alignment(strict=False, uses_grade=True, stale_after_s=0.3)
-    samples.put("grade", 1, math.nan)
-    samples.put("speed", 1, 20.0)
-    samples.put("gap", 1, 40.0)
-    seen = samples.put("leader_speed", 1, 21.0)
-    assert seen is not None and seen.grade == 0.0

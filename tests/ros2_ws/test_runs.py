@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,12 +10,11 @@ from typing import Any
 import pytest
 
 from deeptruck_core.errors import InputError
+from deeptruck_core.files import MARKER
 from deeptruck_model.recordings import CrashSafeWriter
-from deeptruck_nodes import leaders, page_server, runs, start_simulation
-from deeptruck_nodes.bag_place import claimed
+from deeptruck_nodes import page_server, parameters, runs
+from deeptruck_nodes.bag_place import BAG, claimed, is_whole
 from deeptruck_nodes.supervisor import Program
-
-SCRIPTS = Path(__file__).parents[2] / "ros2_ws"
 
 
 def script(name: str) -> Callable[..., None]:
@@ -46,52 +44,61 @@ def test_a_missing_option_is_one_line_and_2(start: Callable[..., Any]) -> None:
     assert errors.startswith("start_simulation: Missing option '--simulator'")
 
 
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        ({"simulator": "truck:no_such"}, "no_such"),
-        ({"simulator": "nowhere"}, "nowhere does not exist; give a simulator directory"),
-        ({"leader": "sine:perod=3"}, "'perod=3' is not one of"),
-        ({"leader": "sumo:motorway"}, "use recorded:path=FILE"),
-        ({"road": "steep"}, "there is no 'steep'"),
-        ({"rate": 1e6}, "rate_hz = 1000000.0 is outside"),
-        ({"initial_speed": float("nan")}, "initial_speed = nan is outside"),
-        ({"parameters": Path("none.yaml")}, "cannot read parameters none.yaml"),
-    ],
-)
-def test_bad_simulations(refused: Callable[..., str], options: dict[str, Any], says: str) -> None:
-    assert says in refused(
-        "start_simulation", **{"simulator": "truck:trucksim", "policy": "baseline:acc", **options}
-    )
+SIMULATION = {"simulator": "truck:trucksim", "policy": "baseline:acc"}
+VEHICLE = {"vehicle": "trucksim", "policy": "baseline:acc"}
+OWN = {  # files of parameters
+    "slow.yaml": "truck_sim: {ros__parameters: {rate_hz: 0.5}}",
+    "other.yaml": "replay: {ros__parameters: {speed: 2.0}}",
+    "page.yaml": "live_page: {ros__parameters: {port: 5000}}",
+    "bag.yaml": "recorder: {ros__parameters: {bag: elsewhere}}",
+    "lock.yaml": "truck_sim: {ros__parameters: {lockstep: true}}",
+}
 
 
 @pytest.mark.parametrize(
-    ("options", "says"),
+    ("name", "options", "says"),
     [
-        ({"vehicle": "tank"}, "no vehicle 'tank'"),
-        ({"emulator": True, "leader": "fast"}, "there is no 'fast'"),
-        ({"driver": "5:brake_pedal=40"}, "--driver is of the emulated truck: add --emulator"),
-        ({"actuators": "5:brake.gain=0"}, "--actuators is of the emulated truck: add --emulator"),
-        ({"radar_lost_at": 20.0}, "--radar-lost-at is of a simulated radar: add --leader or --emulator"),
+        ("start_simulation", {"simulator": "truck:no_such"}, "no_such"),
+        ("start_simulation", {"simulator": "nowhere"}, "nowhere does not exist; give a simulator directory"),
+        ("start_simulation", {"leader": "sine:perod=3"}, "'perod=3' is not one of"),
+        ("start_simulation", {"leader": "sumo:motorway"}, "use recorded:path=FILE"),
+        ("start_simulation", {"road": "steep"}, "there is no 'steep'"),
+        ("start_simulation", {"rate": 1e6}, "rate_hz = 1000000.0 is outside"),
+        ("start_simulation", {"parameters": "none.yaml"}, "cannot read parameters none.yaml"),
+        ("start_simulation", {"parameters": "slow.yaml", "rate": 100.0}, "rate_hz = 0.5 is outside"),
+        ("start_simulation", {"parameters": "other.yaml"}, "this run has no node 'replay'"),
+        ("start_simulation", {"parameters": "page.yaml"}, "this run has no node 'live_page'"),
+        ("start_simulation", {"parameters": "bag.yaml"}, "recorder's bag follows from the command line"),
+        ("start_simulation", {"parameters": "lock.yaml"}, "truck_sim's lockstep follows from the command"),
+        ("start_vehicle", {"vehicle": "tank"}, "no vehicle 'tank'"),
+        ("start_vehicle", {"emulator": True, "leader": "fast"}, "there is no 'fast'"),
+        ("start_vehicle", {"driver": "5:brake_pedal=40"}, "--driver is of the emulated truck"),
+        ("start_vehicle", {"actuators": "5:brake.gain=0"}, "--actuators is of the emulated truck"),
+        ("start_vehicle", {"radar_lost_at": 20.0}, "--radar-lost-at is of a simulated radar"),
+        ("replay_recording", {"bag": "none"}, "does not exist"),
+        ("replay_recording", {"bag": "other"}, "holds no MCAP file; give the folder that the recorder wrote"),
+        ("replay_recording", {"bag": "empty"}, "it holds no message; record while"),
     ],
 )
-def test_bad_vehicles(refused: Callable[..., str], options: dict[str, Any], says: str) -> None:
-    assert says in refused("start_vehicle", **{"vehicle": "trucksim", "policy": "baseline:acc", **options})
+def test_what_is_refused_before_anything_starts(
+    refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+    name: str, options: dict[str, Any], says: str,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    for file, text in OWN.items():
+        Path(file).write_text(text)
+    Path("other").mkdir()
+    CrashSafeWriter(Path("empty")).close()
+    paths = {key: Path(options[key]) for key in ("bag", "parameters") if key in options}
+    given = {"start_simulation": SIMULATION, "start_vehicle": VEHICLE}.get(name, {})
+    assert says in refused(name, **{**given, **options, **paths})
 
 
 @pytest.mark.parametrize(
     ("words", "who", "says"),
     [
-        (("start_simulation.py", "--simulator", "truck:trucksim", "--policy",
-          "planner:truck:trucksim?economy"), "controller", "use planner:truck:trucksim"),
-        (("start_simulation.py", "--simulator", "truck:trucksim", "--policy", "mine.onnx"),
-         "controller", "use the policy directory"),
         (("start_simulation.py", "--simulator", "truck:trucksim", "--policy", "baseline:best"),
          "controller", "there is no baseline 'best'"),
-        (("start_simulation.py", "--simulator", "truck:trucksim", "--policy", "baseline:acc", "--rate", 33),
-         "truck_sim", "whole multiple"),
-        (("start_vehicle.py", "--vehicle", "trucksim", "--policy", "baseline:acc", "--emulator", "--driver",
-          "5:brake_pedal=400"), "emulator", "values 0 to 100"),
         (("start_vehicle.py", "--vehicle", "trucksim", "--policy", "baseline:acc", "--interface", "socketcan",
           "--channel", "can9"), "can_bridge", "cannot open CAN interface 'socketcan'"),
     ],
@@ -103,16 +110,6 @@ def test_what_a_node_refuses_ends_the_run_with_its_line(
     assert code == 2 and errors.count("\n") == 1
     assert errors.startswith(f"{who} ended (exit code 2): ") and says in errors
     assert not (tmp_path / "bag").exists()
-
-
-def test_bad_bags_to_replay(refused: Callable[..., str], tmp_path: Path) -> None:
-    assert "does not exist" in refused("replay_recording", bag=tmp_path / "none")
-    (tmp_path / "other").mkdir()
-    assert "holds no MCAP file; give the folder that the recorder wrote" in refused(
-        "replay_recording", bag=tmp_path / "other"
-    )
-    CrashSafeWriter(tmp_path / "empty").close()
-    assert "it holds no message; record while" in refused("replay_recording", bag=tmp_path / "empty")
 
 
 def test_a_bag_is_not_recorded_over_while_it_is_played(tmp_path: Path) -> None:
@@ -134,42 +131,13 @@ def test_a_drive_is_not_recorded_over_while_the_leader_follows_it(tmp_path: Path
         )
 
 
-def test_own_parameters_win_over_the_options_and_name_only_nodes_of_the_run(
-    refused: Callable[..., str], tmp_path: Path
-) -> None:
+def test_a_port_of_the_page_that_is_taken(tmp_path: Path) -> None:
     own = tmp_path / "own.yaml"
-    truck = {"simulator": "truck:trucksim", "policy": "baseline:acc", "parameters": own}
-    own.write_text("truck_sim: {ros__parameters: {rate_hz: 0.5}}")
-    assert "rate_hz = 0.5 is outside" in refused("start_simulation", **truck, rate=100.0)
-    own.write_text("replay: {ros__parameters: {speed: 2.0}}")
-    assert "this run has no node 'replay'" in refused("start_simulation", **truck)
-
-
-@pytest.mark.parametrize(
-    ("node", "given", "says"),
-    [
-        ("recorder", "bag: elsewhere", "recorder's bag follows from the command line; leave it out"),
-        ("truck_sim", "lockstep: true", "truck_sim's lockstep follows from the command line"),
-    ],
-)
-def test_own_parameters_that_would_not_be_used_are_refused(
-    refused: Callable[..., str], tmp_path: Path, node: str, given: str, says: str
-) -> None:
-    own = tmp_path / "own.yaml"
-    truck = {"simulator": "truck:trucksim", "policy": "baseline:acc", "parameters": own}
-    own.write_text(f"{node}: {{ros__parameters: {{{given}}}}}")
-    assert says in refused("start_simulation", **truck)
-
-
-def test_a_port_of_the_page_that_is_taken(refused: Callable[..., str], tmp_path: Path) -> None:
-    own = tmp_path / "own.yaml"
-    truck = {"simulator": "truck:trucksim", "policy": "baseline:acc", "parameters": own}
     with page_server.opened()[0] as held:
         number = held.getsockname()[1]
         own.write_text(f"live_page: {{ros__parameters: {{port: {number}}}}}")
-        assert "this run has no node 'live_page'" in refused("start_simulation", **truck)
-        with pytest.raises(InputError, match=f"cannot have port {number}"):
-            script("start_simulation")(**truck, page=True, run_folders=tmp_path / "runs")
+        with pytest.raises(InputError, match=f"cannot have port {number}.*choose another"):
+            script("start_simulation")(**SIMULATION, parameters=own, page=True, run_folders=tmp_path / "runs")
         assert list(tmp_path.iterdir()) == [own]
 
 
@@ -190,16 +158,6 @@ def test_the_last_line_of_a_run_says_where_it_is_recorded(tmp_path: Path) -> Non
     assert f"the bag {bag} is not finished" in runs.recorded(bag)
 
 
-def test_the_field_radar_jumps_when_the_paper_says() -> None:
-    assert runs.RADARS["field"]["lane_change_at_s"] == 63.0
-
-
-def test_the_leaders_of_the_help_text_exist() -> None:
-    """What is shown and what can be parsed are the same kinds, in both directions."""
-    section = start_simulation.EXAMPLES.partition("Leaders:")[2].partition("Roads:")[0]
-    assert set(re.findall(r"(\w+):\w", section)) == set(leaders.KINDS)
-
-
 @pytest.mark.parametrize(
     ("name", "bridge", "priority"),
     [
@@ -212,3 +170,79 @@ def test_what_control_depends_on_has_the_priority_of_the_bridge(
 ) -> None:
     sections = {} if bridge is None else {"can_bridge": {"priority": 10, **bridge}}
     assert runs._hurried(Program(name, ()), sections).priority == priority
+
+
+# Where a run records: an older bag is kept until the new one is whole
+
+
+def recorded(bag: Path, says: str = "old") -> None:
+    """What the recorder does."""
+    writer = CrashSafeWriter(bag, custom_data={"says": f'"{says}"'})
+    with claimed(bag):
+        writer.close()
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_a_bag_of_ours_is_replaced_once_the_new_one_is_whole(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    recorded(bag)
+    old = content(bag)
+    with pytest.raises(InputError, match="--record, or add --overwrite"):
+        BAG.check(bag)
+    with BAG.recording(bag, overwrite=True, whole=is_whole):
+        assert content(tmp_path / "bag.old") == old
+        recorded(bag, "new")
+    assert [p.name for p in tmp_path.iterdir()] == ["bag"] and content(bag) != old
+    assert content(bag).keys() == {"bag_0.mcap", "metadata.yaml", MARKER}
+
+
+# Parameters: one schema, one line for whatever does not fit it
+
+
+NODES = [name for name in parameters.schema() if name != "common"]
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_defaults_fit_their_own_schema(node: str) -> None:
+    values = parameters.checked(node, {})
+    assert set(values) == set(parameters.described(node))
+    assert all(entry["says"] for entry in parameters.described(node).values())
+
+
+def test_a_file_comes_back_as_it_was_written(tmp_path: Path) -> None:
+    given = {"leader": {"seed": 3, "profile": "sine"}, "truck_sim": {"rate_hz": 50.0}}
+    parameters.write_file(tmp_path / "p.yaml", given)
+    back = parameters.read_file(tmp_path / "p.yaml")
+    assert {k: back["leader"][k] for k in ("seed", "profile")} == given["leader"]
+    assert parameters.checked("truck_sim", back["truck_sim"]) == parameters.checked(
+        "truck_sim", given["truck_sim"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        (None, "cannot read parameters"),
+        ("a: [", "is not YAML"),
+        ("", "expected 'NODE: {ros__parameters: {name: value}}'"),
+        ("pilot: {ros__parameters: {x: 1}}", "not 'pilot'; nodes are truck_sim"),
+        ("leader: {seed: 1}", "expected 'NODE: {ros__parameters:"),
+        ("leader: {ros__parameters: {speeed: 1}}", "has no parameter 'speeed'"),
+        ("/leader: {ros__parameters: {seed: -1}}", "outside 0..2147483647"),
+        ("truck_sim: {ros__parameters: {rate_hz: .nan}}", "is outside 1..1000"),
+        ("truck_sim: {ros__parameters: {rate_hz: fast}}", "rate_hz = 'fast' is not a number"),
+        ("truck_sim: {ros__parameters: {rate_hz: true}}", "is not a number"),
+        ("truck_sim: {ros__parameters: {simulator: 3}}", "is not a text"),
+        ("truck_sim: {ros__parameters: {lockstep: 1}}", "is not a switch"),
+        ("truck_sim: {ros__parameters: {peers: leader}}", "is not a texts"),
+    ],
+)
+def test_bad_files_are_refused_in_one_line(text: str | None, names: str, tmp_path: Path) -> None:
+    if text is not None:
+        (tmp_path / "p.yaml").write_text(text)
+    with pytest.raises(InputError) as caught:
+        parameters.read_file(tmp_path / "p.yaml")
+    assert names in str(caught.value) and "\n" not in str(caught.value)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.machinery
+import importlib.util
 import os
 import signal
 import subprocess
@@ -11,20 +13,10 @@ from typing import Any
 
 import pytest
 
-from deeptruck_nodes import supervisor
+from deeptruck_core.errors import InputError
+from deeptruck_nodes import environment, supervisor
 from deeptruck_nodes.environment import DOMAIN, ENDED
 from deeptruck_nodes.supervisor import Program, Supervisor
-
-READY_AS_SOMEBODY_ASKS_FOR_THE_END = """
-import os, signal, sys, time
-from deeptruck_nodes.lifeline import Lifeline
-line = Lifeline()
-os.kill(os.getppid(), signal.SIGINT)
-line.ready()
-while not line.may_go(): time.sleep(0.01)
-open(sys.argv[1], "w")
-time.sleep(60)
-"""
 
 INTERRUPTED_WHILE_IT_IS_IMPORTED = """
 import os, signal, time
@@ -56,18 +48,6 @@ def test_a_node_that_is_still_imported_ends_without_a_word(
     with (tmp_path / "lock").open("w") as lock:
         assert Supervisor(tmp_path, [node], {DOMAIN: "1"}, lock.fileno()).run(240.0) == 0
     assert "Traceback" not in capsys.readouterr().out and not (tmp_path / "node.log").read_text()
-
-
-def test_a_run_that_is_asked_to_end_as_the_last_gets_ready_does_not_go(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    went = tmp_path / "went"
-    node = Program("node", (sys.executable, "-c", READY_AS_SOMEBODY_ASKS_FOR_THE_END, str(went)))
-    with (tmp_path / "lock").open("w") as lock:
-        code = Supervisor(tmp_path, [node], {DOMAIN: "1"}, lock.fileno()).run(240.0)
-    said = capsys.readouterr().out
-    assert code == 0 and "stopping" in said and "ready after" not in said
-    assert not went.exists()
 
 
 @pytest.mark.parametrize("priority", [0, 10])
@@ -118,3 +98,29 @@ def test_one_that_hangs_is_not_waited_for_and_why_the_run_ended_is_written(
     code, over = run(tmp_path, program("page", hangs, spectator=True), driving)
     assert code == 0
     assert (tmp_path / ENDED).read_text() == f"{over.why}\n" == "driving has finished\n"
+
+
+# What the processes of a run find around them
+
+
+def test_unwritable_places_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot write logs"):
+        environment.run_folder(tmp_path / "file", "simulation")
+
+
+def test_beside_a_sourced_ros_its_libraries_come_first(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    wheels = f"{sys.prefix}/lib/python3.12/site-packages/ros_rcl.libs"
+    monkeypatch.setenv("LD_LIBRARY_PATH", f"{wheels}:/opt/ros/jazzy/lib")
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_other")
+    ours = environment.ros_environment(tmp_path, 7)
+    assert wheels in ours["LD_LIBRARY_PATH"] and "RMW_IMPLEMENTATION" not in ours
+    spec = importlib.machinery.ModuleSpec(
+        "rclpy", None, origin="/opt/ros/jazzy/lib/python3.12/site-packages/rclpy"
+    )
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec)
+    sourced = environment.ros_environment(tmp_path, 7)
+    assert sourced["LD_LIBRARY_PATH"] == "/opt/ros/jazzy/lib"
+    assert sourced["_ROS_WHEELS_BOOTSTRAP_COMPLETE"] == "1"  # the wheels must not add them again

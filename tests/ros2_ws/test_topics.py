@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 import subprocess
 import sys
-import xml.etree.ElementTree as ET
 from pathlib import Path
+
+import pytest
 
 from deeptruck_core.signals import CHANNELS, FAULTS
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
@@ -44,36 +44,11 @@ def test_expected_subscribers_count_the_nodes_of_the_run_only() -> None:
     assert expected_subscribers(twist, ("controller",)) == 1
 
 
-def foxglove_paths() -> set[str]:
-    """Every message path of the Foxglove layout."""
-    text = (ROOT / "layouts" / "foxglove.json").read_text()
-    json.loads(text)
-    return set(re.findall(r'"(?:value|topicToRender)":\s*"(/[^"]+)"', text))
-
-
-def plotjuggler_paths() -> set[str]:
-    """Every curve of the PlotJuggler layout, and the topics it asks for."""
-    root = ET.parse(ROOT / "layouts" / "plotjuggler.xml").getroot()
-    curves = {curve.get("name") or "" for curve in root.iter("curve")}
-    asked = {topic.get("name") or "" for topic in root.iter("topic")}
-    return curves | asked
-
-
 def topic_of(path: str) -> Topic:
     """The topic a path begins with."""
     found = [topic for name, topic in TOPICS.items() if re.match(rf"{re.escape(name)}(?:[./\[{{]|$)", path)]
     assert len(found) == 1, f"{path} belongs to no topic"
     return found[0]
-
-
-def test_foxglove_shows_fields_that_exist() -> None:
-    paths = foxglove_paths()
-    assert {"/truck/twist", "/radar/range", "/truck/command"} <= {topic_of(path).name for path in paths}
-    for path in paths:
-        topic = topic_of(path)
-        field = path.removeprefix(topic.name).lstrip(".")
-        if field:
-            assert resolves(topic, field), path
 
 
 def resolves(topic: Topic, field: str) -> bool:
@@ -88,13 +63,16 @@ def resolves(topic: Topic, field: str) -> bool:
     return isinstance(value, int | float)
 
 
-def test_plotjuggler_shows_fields_that_exist() -> None:
-    paths = plotjuggler_paths()
+@pytest.mark.parametrize("layout", ["foxglove.json", "plotjuggler.xml"])
+def test_a_layout_shows_fields_that_exist(layout: str) -> None:
+    text = (ROOT / "layouts" / layout).read_text()
+    paths = set(re.findall(r'"(?:value|topicToRender)":\s*"(/[^"]+)"', text))
+    paths |= set(re.findall(r'<(?:curve|topic)\b[^>]* name="([^"]+)"', text))
     assert {"/truck/twist", "/radar/range", "/truck/command"} <= {topic_of(path).name for path in paths}
     for path in paths:
         topic = topic_of(path)
-        rest = path.removeprefix(topic.name).strip("/")
-        if topic.fields and rest:  # PlotJuggler names a JointState's values by joint
-            assert rest.partition("/")[0] in topic.fields, path
-        elif rest:
-            assert resolves(topic, rest.replace("/", ".")), path
+        rest = path.removeprefix(topic.name).strip("./")
+        by_joint = layout.endswith("xml") and topic.fields and rest  # so PlotJuggler names a JointState
+        assert not rest or (
+            rest.partition("/")[0] in topic.fields if by_joint else resolves(topic, rest.replace("/", "."))
+        ), path
