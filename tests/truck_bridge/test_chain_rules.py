@@ -20,6 +20,10 @@ from deeptruck_nodes.leaders import Steps
 from deeptruck_nodes.observation import SECOND, Observation
 from truck_bridge import vehicles
 
+ONE_FOR_ALL = [
+    vehicles.NAMES[0],
+    *(pytest.param(name, marks=pytest.mark.long) for name in vehicles.NAMES[1:]),
+]
 AT = 6.0  # s, when leader or actuator change
 STEADY, BRAKING = Steps((18.0, 18.0), AT, 1.0), Steps((20.0, 0.0), AT, 2.0)
 
@@ -43,7 +47,7 @@ def drive(
     return chain
 
 
-@pytest.mark.parametrize("vehicle", vehicles.NAMES)
+@pytest.mark.parametrize("vehicle", ONE_FOR_ALL)
 @pytest.mark.parametrize(
     ("leader", "axis", "fault", "value", "within_s", "reason"),
     [
@@ -68,7 +72,7 @@ def test_an_actuator_that_does_not_do_what_is_demanded_is_said(
     assert chain.state == ("stopping" if axis == "brake" and leader is BRAKING else "fading")
 
 
-@pytest.mark.parametrize("vehicle", vehicles.NAMES)
+@pytest.mark.parametrize("vehicle", ONE_FOR_ALL)
 def test_nobody_is_followed_faster_than_the_set_speed(vehicle):
     fastest = []
 
@@ -94,7 +98,7 @@ def test_too_near_its_leader_the_truck_is_not_engaged(gap, needs):
     assert why == ((f"too near the vehicle ahead: {gap:.0f} m, needs {needed:.0f} m",) if needs else ())
 
 
-@pytest.mark.parametrize("vehicle", vehicles.NAMES)
+@pytest.mark.parametrize("vehicle", ONE_FOR_ALL)
 def test_a_leader_that_stood_for_long_drives_off_and_the_truck_asks(vehicle):
     """It stands for 3 s before its leader drives off again, and drives on once a person has engaged it."""
     asked = []
@@ -110,8 +114,13 @@ def test_a_leader_that_stood_for_long_drives_off_and_the_truck_asks(vehicle):
     assert chain.truck.speed > 1.0
 
 
-@pytest.mark.parametrize("slope", [0.06, -0.06])
-@pytest.mark.parametrize("vehicle", ["trucksim", "volvo"])  # which feel the slope
+@pytest.mark.parametrize(
+    ("vehicle", "slope"),  # these feel the slope
+    [
+        ("trucksim", -0.06), ("volvo", 0.06),
+        *(pytest.param(*one, marks=pytest.mark.long) for one in (("trucksim", 0.06), ("volvo", -0.06))),
+    ],
+)  # fmt: skip
 def test_on_a_slope_the_truck_stops_softly_and_is_held_by_the_brake(vehicle, slope):
     pulls, jerks = [], []
 

@@ -19,8 +19,8 @@ from bridge_world import SIGNED, World
 from deeptruck_model import simulators
 from truck_bridge import vehicles
 from truck_bridge.bridge import Bridge
-from truck_bridge.emulator.cli import actuator_faults
 from truck_bridge.emulator.ecus import EcuEmulator
+from truck_bridge.emulator.receiver import Actuator, Receiver
 from truck_bridge.errors import InputError
 
 POSITION = "VP: {from: engine, period: 5.0, timeout: 20.0, signals: {latitude: Latitude}}"
@@ -47,15 +47,6 @@ def test_a_brake_decelerates_by_what_its_actuator_gives(fault, least, most):
     world.close()
     assert least < before - after < most
     assert math.isnan(world.truck.demand("brake")) == ("lost" in fault)
-
-
-def test_faults_of_actuators_are_read_from_a_line():
-    volvo = vehicles.load("volvo")
-    one, other = actuator_faults("5:brake.gain=0.5,engaged+7:engine.lost=1", volvo)
-    assert (one.at, one.key, one.value, one.engaged) == (5.0, "brake.gain", 0.5, False)
-    assert (other.at, other.key, other.value, other.engaged) == (7.0, "engine.lost", 1.0, True)
-    with pytest.raises(InputError, match=r"--actuators '5:brake.gone=1' is not.*keys are engine.gain"):
-        actuator_faults("5:brake.gone=1", volvo)
 
 
 def test_an_emulator_ends_in_order_when_its_terminal_is_closed():
@@ -115,15 +106,11 @@ def test_real_processes_drive_and_the_driver_takes_over():
     ("arguments", "says"),
     [
         (["--vehicle", "tram"], "no vehicle 'tram'"),
-        (["--vehicle", "volvo", "--grade", "hill.csv"], "'--grade': Input should be a valid number"),
         (["--vehicle", "volvo", "--driver", "soon"], "SECONDS:KEY=VALUE"),
+        (["--vehicle", "volvo", "--driver", "5:brake_pedal=400"], "values 0 to 100"),
         (["--vehicle", "volvo", "--driver", "1:horn=1"], "keys are brake_pedal, accelerator, cancel"),
-        (["--vehicle", "volvo", "--driver", "1:brake_pedal=nan"], "values 0 to 100"),
         ([], "Missing option '--vehicle'"),
         (["--vehicle", "volvo", "--speed", "fast"], "'--speed': Input should be a valid number"),
-        (["--vehicle", "volvo", "--speed", "nan"], "less than or equal to 50"),
-        (["--vehicle", "volvo", "--speed", "-3"], "greater than or equal to 0"),
-        (["--vehicle", "volvo", "--grade", "nan"], "less than or equal to 0.2"),
         (["--vehicle", "volvo", "--interface", "socketcan", "--channel", "none9"], "cannot open CAN"),
     ],
 )
@@ -155,3 +142,73 @@ def test_the_emulator_drives_it_and_what_it_does_not_tell_is_not_available(shutt
         assert 14.5 < emulator.speed != 15.0 and math.isnan(emulator.parameters["wheel_radius"])
         assert emulator.parameters["mass"] == 20000.0
         assert other.recv(0) is not None
+
+
+# A controller's side of TSC1: hysteresis, priority, time-out, stuck senders
+
+
+ENGINE = vehicles.load("trucksim").transmitted["engine"]
+ID = ENGINE.axis.can_id
+
+
+@pytest.fixture
+def receiver():
+    return Receiver(ENGINE)
+
+
+def bad(frame):
+    return frame[:7] + bytes([frame[7] ^ 0x10])
+
+
+def test_a_demand_holds_for_its_time_out_and_then_returns_without_a_step(receiver):
+    receiver.hear(ID ^ 0x0F00, ENGINE.frame(60.0, 0), 1.0)  # for another node
+    assert math.isnan(receiver.demand(1.0)) and receiver.controlling == 0xFF
+    receiver.hear(ID, ENGINE.frame(60.0, 0), 1.0)
+    assert receiver.demand(1.0) == 60.0
+    assert receiver.controlling == ID & 0xFF
+    assert receiver.demand(1.09) == 60.0
+    falling = [receiver.demand(1.19 + 0.1 * k) for k in range(4)]
+    assert falling[:2] == pytest.approx([40.0, 20.0])
+    assert math.isnan(falling[-1])
+    assert receiver.controlling == 0xFF
+
+
+def test_a_wrong_checksum_and_a_stuck_counter_are_not_obeyed(receiver):
+    receiver.hear(ID, bad(ENGINE.frame(60.0, 0)), 1.0)
+    assert math.isnan(receiver.demand(1.0))
+    receiver.hear(ID, ENGINE.frame(60.0, 1), 1.02)
+    receiver.hear(ID, ENGINE.frame(90.0, 1), 1.04)
+    assert receiver.demand(1.04) == 60.0
+
+
+def test_the_higher_priority_wins_and_then_the_later(receiver):
+    strong = dict(ENGINE.active, OverrideControlModePriority=0, RequestedTorque=10.0)
+    from truck_bridge.j1939 import checksums
+
+    other = ID & ~0xFF | 0x03
+    receiver.hear(other, checksums.sign("tsc1", other, ENGINE.layout.encode(strong), 0), 1.0)
+    receiver.hear(ID, ENGINE.frame(60.0, 0), 1.01)
+    assert receiver.demand(1.01) == 10.0
+    assert receiver.controlling == 0x03
+
+
+@pytest.mark.parametrize(
+    ("full", "fault", "demands", "given"),
+    [
+        (90.0, {}, [10.0, 20.0, math.nan], [10.0, 20.0, 0.0]),
+        (90.0, {"gain": 0.5}, [10.0, 20.0], [5.0, 10.0]),
+        (-5.0, {"gain": 0.0}, [-2.0, math.nan], [0.0, 0.0]),
+        (90.0, {"late_s": 0.2}, [1.0, 2.0, 3.0, 4.0, 5.0], [1.0, 1.0, 1.0, 2.0, 3.0]),
+        (90.0, {"drags": 0.3}, [0.0, 20.0, 40.0], [27.0, 27.0, 40.0]),
+        (-90.0, {"drags": 0.3}, [0.0, -20.0, -40.0], [-27.0, -27.0, -40.0]),
+    ],
+)
+def test_what_an_actuator_gives_at_each_step_of_0_1_s(full, fault, demands, given):
+    actuator, found = Actuator(full, **fault), []
+    for step, demand in enumerate(demands):
+        actuator.act(demand, 0.1 * step)
+        found.append(actuator.given)
+    assert found == pytest.approx(given)
+    actuator.stuck = 1.0
+    actuator.act(80.0, 9.0)
+    assert actuator.given == found[-1]

@@ -58,12 +58,6 @@ def test_reserved_values_are_never_numbers(message, signal):
         assert signal.flag(0xFB << shift) == "out of range"
 
 
-def test_a_short_frame_lacks_its_last_signals():
-    decoded = CODEC["EEC1"].decode(bytes.fromhex("219B9BDD2F"))
-    assert decoded.values["EngineSpeed"] == 1531.625
-    assert math.isnan(decoded.values["EngineDemandPercentTorque"])
-
-
 @pytest.mark.parametrize("value", [-0.07, 8031.94, 1e9])
 def test_encoding_refuses_what_does_not_fit(value):
     with pytest.raises(ValueError, match="EngineSpeed"):
@@ -81,13 +75,6 @@ def test_frames_of_a_real_truck():
     assert math.isnan(speed.values["ParkingBrakeSwitch"])
     assert speed.flags["ParkingBrakeSwitch"] == "not available"
     assert CODEC.decode(0x18FCF200, bytes(8)) is None
-
-
-def test_xbr_counts_in_2048ths():
-    """PATH and the digital annex: 1/2048 m/s^2 a bit, offset -15.687."""
-    layout = CODEC["XBR"]
-    frame = layout.encode({"ExternalAccelerationDemand": -2.0})
-    assert int.from_bytes(frame[:2], "little") == round((15.687 - 2.0) * 2048)
 
 
 def test_the_users_dbc_replaces_a_message(tmp_path):
