@@ -15,7 +15,7 @@ SIM = "truck:trucksim"
 @pytest.fixture(autouse=True, scope="module")
 def little_work(quick_exams) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        short = {name: (draw, min(seconds, 30.0)) for name, (draw, seconds) in report.HARD.items()}
+        short = {name: (draw, min(seconds, 15.0)) for name, (draw, seconds) in report.HARD.items()}
         patch.setattr(report, "HARD", short)
         yield
 
@@ -35,7 +35,6 @@ def last_line(capsys) -> str:
     ("arguments", "says"),
     [
         (["train", "--simulator", "nowhere", "--out", "{tmp}/p"], ["nowhere does not exist"]),
-        (["train", "--simulator", "truck:nosuch", "--out", "{tmp}/p"], ["nosuch"]),
         (["train", "--simulator", SIM, "--out", "{tmp}/taken"], ["taken holds thesis.tex but no"]),
         (["train", "--simulator", SIM, "--out", "{tmp}/link"], ["link is a symbolic link"]),
         (
@@ -46,11 +45,10 @@ def last_line(capsys) -> str:
         (["train", "--simulator", SIM, "--out={tmp}/p", "--gamma=0.9"], ["no setting of --trainer analytic"]),
         (["evaluate", "{tmp}/p", "--simulator", SIM, "--out", "{tmp}/e"], ["it has no policy.json"]),
         (["evaluate", "baseline:x", "--simulator", SIM, "--out", "{tmp}/e"], ["known: acc"]),
-        (["evaluate", "baseline:acc", "--simulator", "nowhere", "--out={tmp}/e"], ["nowhere does not exist"]),
-        (["evaluate", "baseline:acc", "--simulator", SIM, "--out={tmp}/taken"], ["taken holds thesis.tex"]),
+        (["evaluate", "planner:x?economy", "--simulator", SIM, "--out", "{tmp}/e"], ["use planner:x"]),
+        (["evaluate", "mine.onnx", "--simulator", SIM, "--out", "{tmp}/e"], ["use the policy directory"]),
         (["export", "baseline:acc", "--out", "{tmp}/p.onnx"], ["not a trained policy"]),
         (["export", "{tmp}/p", "--out={tmp}/taken/thesis.tex"], ["exists already"]),
-        (["export", "{tmp}/p", "--out={tmp}/p.onnx"], ["it has no policy.json"]),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_line_with_every_misfit_and_exit_code_2(capsys, tmp_path, arguments, says):
@@ -65,7 +63,7 @@ def test_bad_input_is_one_line_with_every_misfit_and_exit_code_2(capsys, tmp_pat
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_train_evaluate_export_on_a_physics_truck(capsys, tmp_path):
+def test_train_and_evaluate_on_a_physics_truck(capsys, tmp_path):
     out = str(tmp_path / "p")
     arguments = ["--trainer", "trpo", "--simulator", SIM, "--out", out]
     arguments += ["--iterations", "2", "--environments", "5", "--path", "80"]
@@ -74,14 +72,11 @@ def test_train_evaluate_export_on_a_physics_truck(capsys, tmp_path):
     assert (tmp_path / "p" / "seeds" / "0" / "learning_curve.jsonl").exists()  # the trainer of many seeds
     assert run("train", *arguments) == 2  # a policy that is there is not replaced unasked
     assert "p holds a policy already; choose another --out, or add --overwrite" in last_line(capsys)
-    assert run("train", *arguments, "--overwrite") == 0
-    assert run("export", out, "--out", tmp_path / "p.onnx") == 0
-    assert (tmp_path / "p.onnx").exists()
-    evaluation = ["--simulator", SIM, "--out", tmp_path / "e", "--rollouts", "3", "--shield"]
+    evaluation = ["--simulator", SIM, "--out", tmp_path / "e", "--rollouts", "2", "--shield"]
     assert run("evaluate", out, *evaluation) == 0
     assert {"metrics.json", "evaluation.html", "learning_curve.png"} <= {
         p.name for p in (tmp_path / "e").iterdir()
     }
     assert run("evaluate", out, *evaluation) == 2
     assert "e holds an evaluation of a policy already" in last_line(capsys)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["e", "p", "p.onnx"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["e", "p"]

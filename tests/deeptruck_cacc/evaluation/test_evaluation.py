@@ -7,13 +7,15 @@ from functools import partial
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from deeptruck_cacc.controllers.baselines import baseline
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.environments import hard_scenes
+from deeptruck_cacc.environments.hard_scenes import long_following
 from deeptruck_cacc.environments.rollouts import Trace, roll_out
-from deeptruck_cacc.evaluation import evaluate, metrics, platoon, report, table
-from deeptruck_core.errors import InputError
+from deeptruck_cacc.evaluation import evaluate, figures, metrics, platoon, report, table
+from deeptruck_core.signals import TruckInterface
 
 
 @pytest.fixture
@@ -50,15 +52,6 @@ def test_evaluate_writes_metrics_and_figures(evaluated):
         r"<h1>Mean time-gap error \d\.\d{3} s \(ACC: \d\.\d{3} s\), smallest gap \d+\.\d m, no crash", text
     )
     assert text.count("data:image/png;base64,") == 4 and "http" not in text.partition("<body>")[2]
-
-
-def test_error_statistics_of_known_numbers():
-    values = np.array([[1.0, -1.0], [0.5, -0.5]])
-    got = metrics.error(values)
-    assert got["mean"] == 0 and got["worst_abs"] == 1.0 and got["mean_abs"] == 0.75
-    band = metrics.over_time(values)
-    np.testing.assert_allclose(band["sd"], [1.0, 0.5])
-    np.testing.assert_allclose(band["max"], [1.0, 0.5])
 
 
 def test_a_summary_counts_only_where_the_truck_had_the_power(toy, cacc):
@@ -133,29 +126,6 @@ def test_a_linear_follower_amplifies_as_its_transfer_function_says(toy):
         np.testing.assert_allclose(few[key], row[key][::3])
 
 
-def test_what_the_radar_adds_is_no_amplification(toy, cacc):
-    clear, noisy = (platoon.string_stability(toy, cacc, trucks=2, v2v=v2v) for v2v in (True, False))
-    slow = slice(0, 6)  # above, a truck passes on less than the noise makes it do
-    np.testing.assert_allclose(
-        noisy["worst_speed_amplification"][slow], clear["worst_speed_amplification"][slow], atol=0.05
-    )
-    rows = np.sin(np.outer(2 * np.pi * platoon.FREQUENCIES, 0.1 * np.arange(2000)))
-    np.testing.assert_allclose(platoon._coefficient(np.vstack([rows, 3 * rows]), 0.1), 2.0, rtol=0.05)
-    np.testing.assert_allclose(platoon._coefficient(np.vstack([rows, -rows]), 0.1), 0.0, atol=1e-9)
-
-
-def test_recorded_leaders_where_the_data_is_present():
-    try:
-        speeds = hard_scenes.recorded_leaders("human", 40.0)
-    except InputError as absent:
-        pytest.skip(str(absent))
-    assert speeds.shape[1] == 401 and speeds.min() > 5.0
-    scene = hard_scenes.recorded(speeds, 2.0)
-    np.testing.assert_allclose(scene.leader_speed, speeds[:, 0])
-    with pytest.raises(InputError, match="known: human, acc"):
-        hard_scenes.recorded_leaders("robot")
-
-
 @pytest.mark.long
 def test_baselines_stand_behind_the_same_shield_and_steps_are_told(toy, tmp_path, monkeypatch):
     """Two scenes, and pairs of trucks; other tests have the rest."""
@@ -170,3 +140,50 @@ def test_baselines_stand_behind_the_same_shield_and_steps_are_told(toy, tmp_path
     assert {"driving paper, policy", "driving stop, cacc", "driving platoons"} <= {*said}
     assert all(sets["stop"]["crashes"] == 0 for sets in results["baselines"].values())
     assert any(sets["stop"]["shield_share"] > 0 for sets in results["baselines"].values())
+
+
+# Figures say what they show, and no legend lies over a curve
+
+
+@pytest.fixture
+def drawn(monkeypatch, tmp_path):
+    """The figure that a function of `figures` would have saved."""
+    kept: list[Figure] = []
+    monkeypatch.setattr(figures, "_save", lambda figure, path: kept.append(figure))
+
+    def _drawn(draw, *arguments) -> Figure:
+        draw(*arguments)
+        kept[-1].canvas.draw()
+        return kept[-1]
+
+    return _drawn
+
+
+def assert_legends_are_outside(figure: Figure) -> None:
+    shown = [axis for axis in figure.axes if axis.get_legend() is not None]
+    assert shown
+    for axis in shown:
+        legend = axis.get_legend().get_window_extent()
+        assert not any(legend.overlaps(other.get_window_extent()) for other in figure.axes)
+        assert not legend.overlaps(axis.title.get_window_extent()) or not axis.get_title()
+        assert not axis.get_title(loc="left") or not legend.overlaps(axis._left_title.get_window_extent())
+
+
+@pytest.mark.parametrize(("seeds", "says"), [(1, "the only seed"), (3, "mean of 3 seeds")])
+def test_a_learning_curve_counts_its_seeds(drawn, tmp_path, seeds, says):
+    runs = [[{"cost": 1.0 / (n + 1) + k} for n in range(20)] for k in range(seeds)]
+    figure = drawn(figures.learning_curve, runs, tmp_path / "x.png")
+    texts = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert says in texts and ("min, max" in texts) == (seeds > 1)
+    assert_legends_are_outside(figure)
+
+
+def test_a_run_is_drawn_with_units_and_its_legends_outside(drawn, tmp_path):
+    scene = long_following(np.random.default_rng(0), 1, 100, 0.1)
+    names = ("leader_speed", "speed", "time_gap_error", "engine_command", "brake_command", "acceleration")
+    trace = Trace(0.1, scene, {name: np.ones((100, 1)) for name in ("gap", *names)})
+    interface = TruckInterface("mine", engine_unit="percent", brake_unit="m/s^2")
+    figure = drawn(figures.field_run, trace, tmp_path / "x.png", interface)
+    labels = {axis.get_ylabel() for axis in figure.axes}
+    assert {"engine\n[%]", "brake\n[m/s²]"} <= labels
+    assert_legends_are_outside(figure)

@@ -60,10 +60,6 @@ def test_engine_drives_brake_holds_back_and_hills_do_too(trucksim):
     assert (u.grad[:, :, 0] > 0).all() and (u.grad[:, :, 1] < 0).all() and (w.grad < 0).all()
 
 
-def test_a_truck_with_a_gradient_keeps_it(toy):
-    assert with_gradient(toy) is toy
-
-
 @pytest.mark.long
 def test_training_on_a_physics_truck_gets_better_and_holds_the_gap(trucksim, tmp_path):
     scores = []

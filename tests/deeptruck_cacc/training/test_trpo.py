@@ -8,7 +8,6 @@ import pytest
 import torch
 
 from deeptruck_cacc import load_policy
-from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.training import TrpoConfig, train, trpo
 from deeptruck_cacc.training.trpo import Gaussian, StackedMlp, improve
 
@@ -33,14 +32,6 @@ def test_derivatives_by_hand_are_those_of_small_steps(net):
     torch.testing.assert_close(net.push(parameters, inputs, change), pushed, rtol=1e-6, atol=1e-7)
     pulled = net.pull(parameters, inputs, back)
     torch.testing.assert_close((pulled * change).sum(), (back * pushed).sum(), rtol=1e-5, atol=1e-6)
-
-
-def test_fresh_layers_are_orthogonal_and_quiet_at_the_end(net):
-    net, _, _ = net
-    layers = net.layers(net.fresh([torch.Generator().manual_seed(5)], 0.01))
-    inner = layers[1][0][0]
-    torch.testing.assert_close(inner.T @ inner, 2 * torch.eye(5))
-    assert layers[-1][0].abs().max() < 0.01 and not layers[-1][1].any()
 
 
 @pytest.mark.parametrize("most_kl", [0.01, 0.3])
@@ -113,22 +104,3 @@ def test_the_printed_reward_is_what_is_paid_and_goes_on_the_card(toy, tmp_path):
         for name in "ab"
     ]
     assert returns[0] < 1.5 * returns[1]  # the same paths, whose large errors cost their squares
-
-
-def test_the_baseline_knows_returns_of_any_size_at_once():
-    start = torch.randn(2, 4, 1, 3, generator=torch.Generator().manual_seed(0))
-    seen = start.repeat(1, 1, 61, 1)
-    rewards = -100.0 * seen[:, :, :-1, 0] ** 2
-    returns = rewards * torch.arange(60, 0, -1)
-    values = trpo.expected_returns(seen, rewards, 1.0)
-    assert float((values[..., :-1] - returns).std() / returns.std()) < 0.6
-    assert not values[..., -1].any()
-
-
-def test_scenes_side_by_side_keep_their_rows():
-    rng = np.random.default_rng(0)
-    parts = [scenes.wide(rng, 3, 60, 0.1), scenes.wide(rng, 2, 60, 0.1)]
-    both = trpo.side_by_side(parts)
-    assert both.batch == 5 and both.seen is None
-    np.testing.assert_array_equal(both.command_gain[3:], parts[1].command_gain)
-    np.testing.assert_array_equal(both.leader_acceleration[:3], parts[0].leader_acceleration)
