@@ -49,18 +49,6 @@ def test_calibrating_keeps_card_and_metrics_and_says_by_what(
     assert after.split("## Limits")[1] == before.split("## Limits")[1]
 
 
-def test_a_card_of_an_older_version_gets_the_chapter_and_of_its_own_recordings_is_warned(
-    script: Script, simulator: Path, monday: Path, tmp_path: Path
-) -> None:
-    (simulator / "MODEL_CARD.md").write_text("# Deep truck: old\n")
-    (simulator / "metrics.json").unlink()
-    code, _, errors = script("calibrate", simulator, monday, "--out", tmp_path / "calibrated")
-    assert code == 0 and "warning: the truck was trained on monday" in errors
-    assert "sim has lost its metrics.json" in errors
-    card = (tmp_path / "calibrated" / "MODEL_CARD.md").read_text()
-    assert card.startswith("# Deep truck: old\n\n## Intervals\n\n")
-
-
 @pytest.mark.usefixtures("undrawn")
 def test_a_horizon_that_no_drive_has_is_said(
     script: Script, simulator: Path, monday: Path, tmp_path: Path

@@ -1,14 +1,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
-from deeptruck_model.deep import data
+from deeptruck_model.deep import coverage, data, io
 from deeptruck_model.deep.data import unexcited
+from deeptruck_model.recordings import Recording
 
 
 def test_sequences_stay_inside_their_piece(drive):
@@ -23,15 +25,6 @@ def test_sequences_stay_inside_their_piece(drive):
         assert length >= 26
         np.testing.assert_array_equal(target[0, :length, j], sequences.y[start : start + length])
         assert np.isnan(target[0, length:, j]).all()
-
-
-def test_all_data_are_drawn(drive):
-    piece = drive(60)
-    sequences = data.Sequences.of([piece], data.measure_scales([piece]))
-    seen = np.zeros(len(piece), bool)
-    for start in sequences.draw(300, 100, np.random.default_rng(1)):
-        seen[start : start + 101] = True
-    assert seen.all()
 
 
 def test_cut_at_invalid_inputs(drive):
@@ -53,16 +46,6 @@ def test_consistent_acceleration_loses_bias_and_keeps_the_rest(drive):
     corrected = data.consistent(biased).channels["acceleration"]
     known = np.isfinite(corrected) & (np.arange(len(truth)) > 0)
     np.testing.assert_allclose(corrected[known], truth[known], atol=1e-9)
-
-
-def test_a_channel_without_a_sample_has_a_harmless_scale(drive):
-    recording = drive(30)
-    recording.channels["fuel_rate"][:] = np.nan
-    scales = data.measure_scales([recording])
-    assert np.isfinite(scales.mean).all() and (scales.scale > 0).all()
-    recording.channels["acceleration"][:] = np.nan
-    filled = data.consistent(recording).channels["acceleration"]
-    np.testing.assert_allclose(filled[1:], np.diff(recording.channels["speed"]) / recording.dt, atol=1e-9)
 
 
 def test_split_keeps_time_order_and_shares(drive):
@@ -130,9 +113,60 @@ def test_inputs_that_never_vary_are_named(drive):
     assert len(unexcited([still, other], still.interface)) == 2
 
 
-def test_a_channel_that_stands_still_is_scaled_by_its_floor(drive):
-    recording = drive(30)
-    for name in ("acceleration", "speed"):
-        recording.channels[name][:] = 10.0
-    scales, n_y = data.measure_scales([recording]), len(recording.interface.y)
-    np.testing.assert_allclose(scales.scale[-n_y:][:2], [0.05, 1.0], rtol=1e-6)  # m/s^2, m/s
+# Which driving a truck has learned from
+
+
+INTERFACE = TruckInterface("truck", "N m")
+N = 300
+
+
+def cruise(speed: float, engine: float, seconds: float = 30.0) -> Recording:
+    n = round(10 * seconds)
+    channels = {
+        "speed": np.full(n, speed),
+        "acceleration": np.zeros(n),
+        "fuel_rate": np.ones(n),
+        "engine_command": np.full(n, engine),
+        "brake_command": np.zeros(n),
+        "grade": np.zeros(n),
+    }
+    return Recording("cruise", 0.1, channels, INTERFACE)
+
+
+def covered(what: coverage.Driven, speed: float, engine: float, grade: float = 0.0) -> bool:
+    return bool(what.covers(np.array([speed]), np.array([[engine, 0.0]]), np.array([[grade]]))[0])
+
+
+def test_near_what_was_driven_is_known_and_far_is_not() -> None:
+    what = coverage.measure_driven([cruise(10.0, 1000.0)])
+    assert covered(what, 11.9, 1000.0) and not covered(what, 12.1, 1000.0)
+    assert covered(what, 10.0, 1090.0) and not covered(what, 10.0, 1110.0)
+    assert covered(what, 10.0, 1000.0, 0.009) and not covered(what, 10.0, 1000.0, 0.011)
+
+
+def test_a_moment_teaches_nothing() -> None:
+    what = coverage.measure_driven([cruise(10.0, 1000.0), cruise(20.0, 1000.0, seconds=1.0)])
+    assert covered(what, 10.0, 1000.0) and not covered(what, 20.0, 1000.0)
+
+
+def test_an_adapted_truck_knows_what_it_drove_before_as_well() -> None:
+    before = coverage.measure_driven([cruise(10.0, 1000.0)])
+    both = coverage.measure_driven([cruise(20.0, 800.0)], before)
+    assert covered(both, 10.0, 1000.0) and covered(both, 20.0, 800.0) and not covered(both, 15.0, 900.0)
+
+
+def test_damaged_or_of_other_signals_is_said(tmp_path: Path) -> None:
+    io.save_driven(coverage.measure_driven([cruise(10.0, 1000.0)]), tmp_path)
+    with pytest.raises(InputError, match="of other signals"):
+        io.load_driven(tmp_path, 3)
+    whole = io.load_driven(tmp_path, 4)
+    assert whole is not None
+    for name, value in (("samples", np.nan), ("near", np.nan), ("near", 0.0)):
+        damaged = getattr(whole, name).copy()
+        damaged.flat[-1] = value
+        io.save_driven(replace(whole, **{name: damaged}), tmp_path)
+        with pytest.raises(InputError, match="values that are not possible"):
+            io.load_driven(tmp_path, 4)
+    (tmp_path / io.DRIVEN_FILE).write_bytes(b"nothing of the kind")
+    with pytest.raises(InputError, match="damaged"):
+        io.load_driven(tmp_path, 4)

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import errno
 import json
 from dataclasses import replace
 
@@ -10,8 +9,17 @@ import pytest
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface, sensible
-from deeptruck_model.deep import DeepTruck, evaluate, report, statistics, train, trials
-from deeptruck_model.deep.evaluation import Trials, against_time, baselines, calibrated, inside
+from deeptruck_model import trucks
+from deeptruck_model.deep import DeepTruck, evaluate, statistics, train, trials
+from deeptruck_model.deep.evaluation import Trials, against_time, calibrated, inside
+from deeptruck_model.deep.remarks import (
+    KEY,
+    few_runs,
+    remarks,
+    speed_hash,
+    trained_on,
+    warning,
+)
 
 
 class Shifted:
@@ -73,11 +81,6 @@ def test_writes_figures_and_metrics(truck, drive, tmp_path):
     assert text.count("data:image/png;base64,") == 3 and "<script" not in text
 
 
-def test_short_recordings_shorten_the_horizon(truck, drive):
-    runs = trials(truck, [drive(12, seed=7)], 5, 40.0)
-    assert runs.measured.shape[1] == 120
-
-
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -90,36 +93,6 @@ def test_short_recordings_shorten_the_horizon(truck, drive):
 def test_recordings_that_do_not_fit(truck, drive, change, says):
     with pytest.raises(InputError, match=says):
         trials(truck, [change(drive(60))])
-
-
-@pytest.mark.parametrize("horizon", [float("inf"), float("nan"), 0.0])
-def test_a_horizon_that_is_none_is_refused(truck, drive, horizon):
-    with pytest.raises(InputError, match="is none; give seconds, such as 40"):
-        trials(truck, [drive(60)], 3, horizon)
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_full_disk_leaves_the_old_evaluation(truck, drive, tmp_path, monkeypatch):
-    evaluate(truck, [drive(60)], tmp_path, 3, 10.0)
-    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
-
-    def full(runs):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setitem(report.DRAWN, "samples.png", full)
-    with pytest.raises(InputError, match="No space left on device; make room"):
-        evaluate(truck, [drive(60)], tmp_path, 4, 10.0, overwrite=True)
-    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
-
-
-def test_a_constant_speed_keeps_the_start(drive):
-    recording = drive(60)
-    runs = trials(Shifted(recording), [recording], 5, 10.0)
-    (constant, *_) = baselines(runs, recording.interface)
-    measured = runs.measured[..., 1]
-    assert constant["speed"]["rmse"] == pytest.approx(
-        np.sqrt(np.mean((measured[:, 1:] - measured[:, :1]) ** 2))
-    )
 
 
 def test_prediction_of_a_trained_truck(drive, small, tmp_path):
@@ -144,7 +117,52 @@ def test_other_drives_set_the_intervals_better_and_a_third_confirms_it(truck, dr
     assert worst[0] < 0.07 and worst[0] < worst[1]
 
 
-def test_an_uncalibrated_truck_says_so(truck):
-    bare = DeepTruck(truck.network, truck.interface)
-    with pytest.raises(InputError, match="no calibrated intervals"):
-        bare.predict(np.zeros((1, 5, 2)), np.zeros((1, 5, 1)), np.zeros((1, 3)))
+# What an evaluation remarks on
+
+
+ENOUGH = {"trials": 3, "horizon_s": 40.0, "speed": {"inside_90": 0.88}}
+
+
+def test_runs_that_overlap_are_remarked_on_for_every_simulator(truck, drive):
+    assert remarks(truck, [drive(600, seed=4)], ENOUGH) == []
+    for judged in (truck, trucks.load("trucksim")):
+        (line,) = remarks(judged, [drive(60), drive(60, seed=1)], {**ENOUGH, "trials": 90})
+        assert "about 3 indep" in line
+    assert few_runs(truck, [drive(72)]) and not few_runs(truck, [drive(60)] * 30)
+
+
+def test_driving_that_the_training_had_not(truck, drive):
+    recording = drive(200)
+    faster = replace(recording, channels=recording.channels | {"speed": recording.channels["speed"] + 60.0})
+    (line,) = remarks(truck, [recording, faster], ENOUGH)
+    assert line.startswith("50 %")
+    unknown = replace(recording, channels=recording.channels | {"grade": np.full(len(recording), np.nan)})
+    assert remarks(truck, [unknown], ENOUGH) == []
+
+
+def test_a_recording_is_known_by_another_name_but_not_changed(drive):
+    recording = drive(30)
+    renamed = replace(recording, name="copy", channels={"speed": recording.channels["speed"].copy()})
+    assert speed_hash(renamed) == speed_hash(recording)
+    assert speed_hash(recording.piece(0, 200)) != speed_hash(recording)
+    assert speed_hash(drive(30, seed=1)) != speed_hash(recording)
+    other = drive(30)
+    recording.channels["speed"][5], other.channels["speed"][5] = np.nan, -np.nan
+    assert speed_hash(recording) == speed_hash(other), "missing samples are alike whatever their bits"
+
+
+def test_an_adapted_truck_was_trained_on_both(drive, small, tmp_path):
+    short = replace(small, updates=4, rounds=1)
+    train([drive(60)], tmp_path / "first", short)
+    truck = train([drive(60, seed=1)], tmp_path / "second", replace(short, start=str(tmp_path / "first")))
+    assert trained_on(truck, [drive(60, seed=k) for k in (0, 1, 2)]) == ["toy0", "toy1"]
+    assert warning(truck, [drive(60)]) and not warning(truck, [drive(60, seed=2)])
+    assert warning(DeepTruck(truck.network, truck.interface), [drive(60)]) == "", "older trucks know none"
+
+
+def test_one_standstill_is_like_another_and_known_by_none(truck, drive):
+    recording = drive(10)
+    standing = replace(recording, channels=recording.channels | {"speed": np.zeros(len(recording))})
+    known = truck.with_details({KEY: [speed_hash(r) for r in (standing, recording)]})
+    assert trained_on(known, [standing]) == []
+    assert trained_on(known, [recording]) == [recording.name]

@@ -79,14 +79,12 @@ def test_a_result_of_other_words_is_replaced_with_overwrite_alone(here: Path, sc
     (here / "columns.yaml").rename(here / "meaning.yaml")
     words[words.index("columns.yaml")] = "meaning.yaml"
     first = made(here / "drives")
-    for _ in range(2):  # what is refused is not taken for done afterwards
-        code, _, errors = script(*words)
-        assert code == 2 and "a/d0 holds an imported bag already" in errors
-        assert made(here / "drives") == first
+    code, _, errors = script(*words)
+    assert code == 2 and "a/d0 holds an imported bag already" in errors
+    assert made(here / "drives") == first
     assert script(*words, "--overwrite")[0] == 0
     again = made(here / "drives")
     assert again != first
-    assert script(*words)[0] == 0 and made(here / "drives") == again
 
 
 @pytest.mark.parametrize(
@@ -151,17 +149,6 @@ def plan(here: Path) -> list[Job]:
         )
         for t in "ab"
     ]
-
-
-def test_a_killed_job_is_one_line_and_is_done_the_next_time(here: Path) -> None:
-    jobs = plan(here)
-    killer = killed(jobs[1].out, parent=False)
-    (failed,) = run(jobs, here / "drives")
-    killer.join()
-    assert failed[0] == jobs[1] and failed[1].startswith("killed by SIGKILL; is there memory")
-    assert list(made(here / "drives")) == ["a/d0"]
-    assert not run(jobs, here / "drives")
-    assert made(here / "drives").keys() == {"a/d0", "b/d0"}
 
 
 def test_a_killed_fleet_leaves_no_process_and_goes_on(here: Path) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from deeptruck_model.fmu import export
 
+sys.path.append(str(Path(__file__).parent))  # pointmass.py stands beside the tests
 MAPPING = """
 name: trucksim
 inputs: {engine_command: engine_command, brake_command: brake_command, grade: grade}

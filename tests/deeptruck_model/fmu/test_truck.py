@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import shutil
-import sys
 import zipfile
 from pathlib import Path
 
 import numpy as np
+import pointmass
 import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulator_facts, simulators, trucks
-from deeptruck_model.fmu.truck import FEWEST
+from deeptruck_model.fmu import export
 from deeptruck_model.mismatch import CorrectedTruck
 from deeptruck_model.simulators import Array, protocol_check
 from deeptruck_model.trucks import driving_cycles
-
-sys.path.append(str(Path(__file__).parent))
-import pointmass
 
 FMI = pytest.mark.parametrize("fmi", [2, 3])
 
@@ -42,20 +39,6 @@ def test_a_run_is_that_of_the_truck_in_it(own: str, forced: bool) -> None:
     np.testing.assert_allclose(its.y, ours.y, atol=1e-9)
     for name in ("gear", "traction_force", "mass"):
         np.testing.assert_allclose(its.inside[name], ours.inside[name], atol=1e-9)
-
-
-def test_old_states_are_gone_on_from_in_more_rows_than_instances(own: str) -> None:
-    truck, rows = simulators.load(own), 2 * FEWEST
-    u, w, y = drive(4.0)
-    u, w, y0 = np.repeat(u, rows, 0), np.repeat(w, rows, 0), np.repeat(y[:, 0], rows, 0)
-    y0[:, 1] += np.arange(rows)
-    state, kept, seen = truck.reset(y0), [], []
-    for k in range(20):
-        kept.append(state)
-        state, now = truck.step(state, u[:, k], w[:, k])
-        seen.append(now)
-    for k in (19, 3, 11):
-        np.testing.assert_array_equal(truck.step(kept[k], u[:, k], w[:, k])[1], seen[k])
 
 
 def test_it_keeps_the_protocol(own: str) -> None:
@@ -83,16 +66,6 @@ def test_an_fmu_in_c_drives_as_fmpy_drives_it(tmp_path: Path, fmi: int) -> None:
         y = simulators.free_run(heavy, u[None], w[None], np.array([[0.0, 15.0]])).y
         np.testing.assert_allclose(y[0, 1:, 1], told["v"][1:60], atol=1e-9)
     assert not protocol_check.missing(protocol_check.examine(truck))
-
-
-@FMI
-def test_several_of_its_steps_make_one_of_ours(tmp_path: Path, fmi: int) -> None:
-    file, mapping = pointmass.built(tmp_path, fmi), tmp_path / "map.yaml"
-    u, w, y0 = np.tile([600.0, 0.0], (1, 30, 1)), np.zeros((1, 30, 1)), np.array([[0.0, 12.0]])
-    whole = simulators.free_run(simulators.load(f"fmu:{file}:{mapping}"), u, w, y0).y
-    mapping.write_text(f"{pointmass.MAPPING}step: 0.02\n")
-    parts = simulators.free_run(simulators.load(f"fmu:{file}:{mapping}"), u, w, y0).y
-    np.testing.assert_allclose(parts, whole, atol=1e-9)
 
 
 @FMI
@@ -149,3 +122,39 @@ def test_files_that_are_no_fmu_or_run_elsewhere(own: str, own_fmu: Path, tmp_pat
     elsewhere = simulators.load(own.replace(str(own_fmu), str(other)))
     with pytest.raises(InputError, match="it cannot be loaded"):
         elsewhere.reset(np.array([[0.0, 20.0, 0.0]]))
+
+
+# A truck of ours as an FMU
+
+
+def test_fmpy_finds_it_valid(own_fmu: Path) -> None:
+    assert validate_fmu(str(own_fmu)) == []
+
+
+def test_fmpy_drives_it_as_our_own_step_does(own_fmu: Path) -> None:
+    truck = trucks.load("trucksim")
+    drive = driving_cycles.drive(truck, seconds=180.0, seed=3)
+    names = [*truck.interface.u, *truck.interface.w]
+    given = [drive.channels[name] for name in names]
+    speed = float(drive.channels["speed"][0])
+    rows = [(0.1 * k, *(float(x[k]) for x in given)) for k in range(len(drive))]
+    signals = np.array(rows, [("time", float), *((name, float) for name in names)])
+    told = simulate_fmu(
+        str(own_fmu), start_values={"initial_speed": speed}, input=signals, output=["speed", "fuel_rate"],
+        stop_time=0.1 * (len(drive) - 1), step_size=0.1, output_interval=0.1, fmi_type="CoSimulation",
+    )  # fmt: skip
+    state, y = truck.reset(np.array([[0.0, speed, 0.0]])), np.zeros((len(drive), 3))
+    for k in range(len(drive) - 1):
+        state, y[k + 1] = truck.step(
+            state, *(np.array([[x[k] for x in part]]) for part in (given[:2], given[2:]))
+        )
+    assert np.abs(told["speed"][1:] - y[1:, 1]).max() < 1e-6
+    assert np.abs(told["fuel_rate"][1:] - y[1:, 2]).max() < 1e-6 and y[:, 1].max() > 10.0
+
+
+def test_a_simulator_of_somebody_elses_is_not_exported(shuttle: Path, own: str) -> None:
+    simulators.load(own).save(Path("kept"))
+    for text in (own, f"python:{shuttle.stem}:make", "kept"):
+        with pytest.raises(InputError, match="is, or corrects, a simulator that others wrote"):
+            export.export(text, Path("never.fmu"))
+    assert not Path("never.fmu").exists()

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import deeptruck_model
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
-from deeptruck_model import find_mismatch, load, mismatch, read
+from deeptruck_model import find_mismatch, mismatch
 from deeptruck_model.recordings import Recording, write_bag
 from deeptruck_model.simulators import (
     MinimalSimulator,
@@ -142,27 +141,3 @@ def test_the_snippet_of_the_docs_runs_and_the_result_is_read_again(
     assert [f.effect for f in again.findings] == [f.effect for f in found.findings]
     with pytest.raises(InputError, match="holds a mismatch result already"):
         mismatch.write(found, "found")
-
-
-def test_write_and_apply_check_what_they_are_given(tmp_path: Path) -> None:
-    wrong: Any = tmp_path
-    with pytest.raises(InputError, match="write takes what find_mismatch returns and a folder"):
-        mismatch.write(wrong, tmp_path / "out")
-    with pytest.raises(InputError, match="does not exist"):
-        mismatch.apply(str(tmp_path / "none"), str(tmp_path / "out"))
-    with pytest.raises(InputError, match="does not exist"):
-        mismatch.read(str(tmp_path / "none"))
-    (tmp_path / "verdict.json").write_text('{"fit": {}, "verdict": "what"}')
-    with pytest.raises(InputError, match="is damaged"):
-        mismatch.read(tmp_path)
-    assert not (tmp_path / "out").exists()
-
-
-def test_the_flat_face() -> None:
-    assert {name for name in deeptruck_model.__all__ if callable(getattr(deeptruck_model, name))} == set(
-        deeptruck_model.__all__
-    )
-    assert deeptruck_model.__version__.count(".") >= 1
-    assert load("truck:trucksim").dt == 0.1 and callable(read)
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        _ = deeptruck_model.nothing

@@ -11,9 +11,6 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.signals import CHANNELS
 from deeptruck_model import trucks
 from deeptruck_model.trucks.driving_cycles import (
-    FREEWAY,
-    YARD,
-    CycleSettings,
     RoadSettings,
     SpeedSettings,
     drive,
@@ -57,21 +54,6 @@ def test_profile_is_the_paper_s(settings: SpeedSettings, limit: float) -> None:
     np.testing.assert_allclose(made, paper(900.0, 5, settings, limit), atol=1e-9)
 
 
-def test_printed_soft_limit_keeps_the_profile_slow_and_the_documented_setting_does_not() -> None:
-    """As printed, the limit taken at every 0.1 s leaves little above 20 m/s; v_max + 15 m/s reaches 35."""
-    printed = np.concatenate([speed_profile(7200.0, seed=k, settings=PRINTED) for k in range(4)])
-    default = np.concatenate([speed_profile(7200.0, seed=k) for k in range(4)])
-    assert (printed > 25.0).mean() < 0.01
-    assert default.max() > 34.0
-    share, _ = np.histogram(default, [0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0])
-    assert (share / len(default) > 0.03).all()
-
-
-def test_same_seed_same_profile() -> None:
-    np.testing.assert_array_equal(speed_profile(300.0, seed=1), speed_profile(300.0, seed=1))
-    assert not np.array_equal(speed_profile(300.0, seed=1), speed_profile(300.0, seed=2))
-
-
 def test_road_stays_within_its_limit_spans_it_and_is_smooth() -> None:
     grade = road_grade(300_000.0, seed=3)
     assert np.abs(grade).max() <= 0.03
@@ -104,14 +86,6 @@ def test_the_road_of_a_long_drive_stays_on_earth() -> None:
     assert elevation.max() < CHANNELS["elevation"].high
 
 
-def test_a_truck_without_a_grade_sensor_records_neither_grade_nor_elevation() -> None:
-    blind = drive(trucks.load("freightliner"), seconds=300.0, seed=4)
-    seeing = drive(trucks.load("freightliner").with_grade_input(), seconds=300.0, seed=4)
-    assert "grade" not in blind.channels
-    assert "elevation" not in blind.channels
-    np.testing.assert_array_equal(blind.y, seeing.y)
-
-
 @pytest.mark.parametrize("name", trucks.pool())
 def test_cycle_spans_speed_grade_coasting_and_braking_to_rest(name: str) -> None:
     recording = drive(trucks.load(name).with_grade_input(), hours=4.0, seed=11)
@@ -128,48 +102,6 @@ def test_cycle_spans_speed_grade_coasting_and_braking_to_rest(name: str) -> None
     assert c["grade"].min() < -0.025 < 0.025 < c["grade"].max()
     for channel, values in c.items():
         assert np.isfinite(values).all(), channel
-
-
-def test_field_configurations_of_the_paper() -> None:
-    """Freightliner: 0 to 18 m/s on the flat. Volvo: 20 to 30 m/s on graded freeways, without stops."""
-    yard = drive(trucks.load("freightliner"), seconds=960.0, seed=1, settings=YARD).channels["speed"]
-    assert 15.0 < yard.max() < 20.5
-    assert np.histogram(yard, [0.0, 6.0, 12.0, 18.0])[0].min() > 0.08 * len(yard)
-    speed = drive(trucks.load("volvo"), seconds=1440.0, seed=1, settings=FREEWAY).channels["speed"]
-    assert ((speed[1200:] > 18.0) & (speed[1200:] < 32.0)).mean() > 0.9
-
-
-def test_forces_of_others_are_felt_while_driving() -> None:
-    class Nothing:
-        def reset(self, batch: int) -> None: ...
-
-        def force(self, view: trucks.View, dt: float) -> float:
-            return 0.0
-
-    class Headwind(Nothing):
-        def force(self, view: trucks.View, dt: float) -> np.ndarray:
-            return np.full(1, -3000.0)
-
-    truck = trucks.load("trucksim")
-    plain = drive(truck, seconds=120.0, seed=6)
-    same = drive(truck.with_forces([Nothing()]), seconds=120.0, seed=6)
-    slowed = drive(truck.with_forces([Headwind()]), seconds=120.0, seed=6)
-    np.testing.assert_allclose(same.y, plain.y, atol=1e-12)
-    np.testing.assert_allclose(same.u, plain.u, atol=1e-9)
-    assert slowed.channels["engine_command"].mean() > plain.channels["engine_command"].mean() + 100.0
-
-
-def test_driver_follows_what_the_truck_can_do() -> None:
-    settings = CycleSettings(
-        speed=SpeedSettings(v_min=5.0, v_max=20.0, sigma_a_scaling=1.0),
-        road=RoadSettings(limit=0.01),
-        coasting_share=0.0,
-        braking_share=0.0,
-    )
-    truck = trucks.load("trucksim").with_parameters({"mass": 12000.0})
-    target = speed_profile(600.0, seed=np.random.default_rng(9), settings=settings.speed)
-    driven = drive(truck, seconds=600.0, seed=9, settings=settings).channels["speed"]
-    assert np.sqrt(np.mean((driven[600:] - target[600:]) ** 2)) < 0.6
 
 
 def test_episodes_begin_at_random_speeds_and_coast_or_brake_to_rest() -> None:

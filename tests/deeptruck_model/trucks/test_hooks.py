@@ -10,14 +10,6 @@ from deeptruck_model import trucks
 from deeptruck_model.simulators import free_run
 
 
-class Nothing:
-    def reset(self, batch: int) -> None:
-        self.zero = np.zeros(batch)
-
-    def force(self, view: trucks.View, dt: float) -> np.ndarray:
-        return self.zero
-
-
 class Push:
     """A constant force that counts its own time."""
 
@@ -51,11 +43,6 @@ def pull_away(truck: trucks.PhysicsTruck, steps: int = 200) -> np.ndarray:
     return free_run(truck, u, np.zeros((2, steps, 1)), np.array([[0.0, 10.0, 0.0], [0.0, 20.0, 0.0]])).y
 
 
-def test_a_force_of_nothing_changes_nothing() -> None:
-    truck = trucks.load("trucksim")
-    np.testing.assert_array_equal(pull_away(truck.with_forces([Nothing()])), pull_away(truck))
-
-
 def test_a_force_accelerates_by_effective_mass() -> None:
     truck = trucks.load("trucksim").with_parameters({"final_drive": 3.7})
     u, w = np.zeros((1, 2)), np.zeros((1, 1))
@@ -75,19 +62,6 @@ def test_a_force_moves_a_truck_at_rest_only_against_what_holds_it() -> None:
     assert moved.rollout(u, w, y0).y[0, -1, 1] > 0.1
 
 
-def test_force_state_is_copied_with_the_truck_state() -> None:
-    truck = trucks.load("trucksim").with_forces([Push(100.0)])
-    state = truck.reset(np.array([[0.0, 15.0]]))
-    u, w = np.array([[500.0, 0.0]]), np.zeros((1, 1))
-    later, first = truck.step(state, u, w)
-    _, again = truck.step(state, u, w)
-    np.testing.assert_array_equal(first, again)
-    assert isinstance(state.forces[0], Push)
-    assert isinstance(later.forces[0], Push)
-    assert state.forces[0].seconds[0] == 0.0
-    assert later.forces[0].seconds[0] == pytest.approx(0.1)
-
-
 def test_a_command_filter_delays() -> None:
     truck = trucks.load("trucksim")
     late = pull_away(truck.with_forces([], [Delay(1.0)]))
@@ -103,23 +77,6 @@ def test_rollout_equals_steps_with_forces_and_filters() -> None:
     for k in range(59):
         state, now = truck.step(state, np.tile([1200.0, 0.0], (2, 1)), np.zeros((2, 1)))
         np.testing.assert_array_equal(now, y[:, k + 1])
-
-
-def test_view_shows_the_present_substep() -> None:
-    seen = []
-
-    class Look:
-        def reset(self, batch: int) -> None: ...
-
-        def force(self, view: trucks.View, dt: float) -> float:
-            seen.append((view.time, float(view.speed[0]), float(view.grade[0]), float(view.u[0, 0])))
-            assert view.traction_force.shape == view.brake_force.shape == (1,)
-            return 0.0
-
-    truck = trucks.load("trucksim").with_forces([Look()])
-    truck.step(truck.reset(np.array([[0.0, 15.0]])), np.array([[700.0, 0.0]]), np.array([[0.01]]))
-    assert [round(s[0], 3) for s in seen] == [round(0.01 * i, 3) for i in range(10)]
-    assert seen[0][1:] == (15.0, 0.01, 700.0)
 
 
 class Wrong:

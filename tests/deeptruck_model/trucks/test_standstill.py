@@ -37,16 +37,6 @@ def test_a_deceleration_that_the_brakes_add_is_no_less_with_more_load() -> None:
     assert -2.4 < light < -2.0 and heavy == pytest.approx(light, abs=0.1)
 
 
-def test_released_on_a_slope_it_rolls_back_unless_held() -> None:
-    assert run("trucksim", 10.0, 0.0, 0.0, 0.0, 0.05, hill_hold=0).y[0, -1, 1] < -1.0
-    np.testing.assert_array_equal(run("trucksim", 10.0, 0.0, 0.0, 0.0, 0.05).y[0, :, 1], 0.0)
-
-
-def test_rolling_resistance_holds_on_a_slight_slope() -> None:
-    np.testing.assert_array_equal(run("trucksim", 20.0, 0.0, 0.0, 0.0, -0.004).y[0, :, 1], 0.0)
-    assert run("trucksim", 20.0, 0.0, 0.0, 0.0, -0.01).y[0, -1, 1] > 0.3
-
-
 def test_the_clutch_opens_where_it_brakes_with_the_torque_of_idling() -> None:
     """Logs show the torque that accessories and friction take at idle; it is no demand to move."""
     done = run("trucksim", 15.0, 6.0, 150.0, 60.0, 0.0)
@@ -75,54 +65,6 @@ def test_gears_do_not_hunt_at_a_steady_speed(name: str) -> None:
             assert changes <= 2, f"{changes} changes at {speed:g} m/s on {grade:.0%}"
 
 
-def changes_of(gears: np.ndarray, speeds: np.ndarray, direction: int) -> dict[int, float]:
-    """By gear: the speed at which it was left upwards (+1), or the next higher one left downwards (-1)."""
-    steps = np.sign(np.diff(gears))
-    return {int(gears[k]) - (direction < 0): speeds[k] for k in np.flatnonzero(steps == direction)}
-
-
-def test_upshift_and_downshift_speeds_leave_a_gap() -> None:
-    up = run("trucksim", 60.0, 0.0, 900.0, 0.0, 0.0)
-    down = run("trucksim", 40.0, up.y[0, -1, 1], 900.0, 0.0, 0.06)
-    rising = changes_of(up.inside["gear"][0], up.y[0, :, 1], +1)
-    falling = changes_of(down.inside["gear"][0], down.y[0, :, 1], -1)
-    shared = rising.keys() & falling.keys()
-    assert len(shared) >= 2
-    for gear in shared:
-        assert falling[gear] < 0.9 * rising[gear], f"no hysteresis between {gear} and {gear + 1}"
-
-
-def test_torque_interruption_lasts_as_long_as_it_says() -> None:
-    truck = trucks.load("trucksim", dt=0.01)
-    u = np.tile([1900.0, 0.0], (1, 3000, 1))
-    shifting = truck.rollout(u, np.zeros((1, 3000, 1)), np.array([[0.0, 8.0, 0.0]])).inside["shifting"][0]
-    edges = np.flatnonzero(np.diff(shifting))
-    lengths = (edges[1::2] - edges[0 : len(edges) // 2 * 2 : 2]) * 0.01
-    assert len(lengths) >= 2
-    np.testing.assert_allclose(lengths, 0.9, atol=0.015)
-
-
-def test_boost_lag_delays_rising_torque_only_and_can_be_switched_off() -> None:
-    def rise(lag: float) -> float:
-        truck = trucks.load("trucksim", dt=0.01).with_parameters({"boost_lag": lag})
-        u = np.tile([1500.0, 0.0], (1, 400, 1))
-        torque = truck.rollout(u, np.zeros((1, 400, 1)), np.array([[-0.19, 22.0, 0.0]])).inside[
-            "engine_torque"
-        ][0]
-        return float(np.argmax(torque > 0.9 * torque[-1])) * 0.01
-
-    assert rise(0.0) < 0.25
-    assert rise(0.8) > 2.0 * rise(0.0) + 0.3
-
-
-def test_engine_brake_holds_back_and_friction_alone_less() -> None:
-    coasting = run("trucksim", 5.0, 25.0, 0.0, 0.0, 0.0).y[0, -1, 1]
-    retarded = run("trucksim", 5.0, 25.0, -1000.0, 0.0, 0.0).y[0, -1, 1]
-    without = run("trucksim", 5.0, 25.0, -1000.0, 0.0, 0.0, engine_brake_torque=0).y[0, -1, 1]
-    assert retarded < coasting - 0.3
-    assert without == pytest.approx(coasting, abs=1e-9)
-
-
 def test_volvo_reaches_the_deceleration_it_is_asked_for() -> None:
     for mass in (15000.0, 30000.0):
         for request in (0.8, 2.0):
@@ -140,7 +82,3 @@ def test_forced_speed_keeps_gear_and_turns_the_engine() -> None:
     np.testing.assert_array_equal(inside["gear"], gear)
     np.testing.assert_allclose(inside["engine_speed"], inside["ratio"] * 20.5 / 0.5)
     np.testing.assert_array_equal(truck.inside(state)["engine_speed"], inside["ratio"] * 20.0 / 0.5)
-
-
-def test_a_truck_starts_with_the_rest_of_a_filtered_brake_command() -> None:
-    assert run("trucksim", 10.0, 0.0, 1000.0, 1e-6, 0.0).y[0, -1, 1] > 3.0

@@ -16,15 +16,6 @@ from deeptruck_model.simulators import Simulator
 from deeptruck_model.trucks.accelerometer import Accelerometer
 
 
-def test_pool_has_the_three_trucks_of_the_paper() -> None:
-    assert trucks.pool() == ("freightliner", "trucksim", "volvo")
-    interfaces = {name: trucks.load(name).interface for name in trucks.pool()}
-    assert [interfaces[n].engine_unit for n in trucks.pool()] == ["percent", "N m", "percent"]
-    assert [interfaces[n].brake_unit for n in trucks.pool()] == ["percent", "percent", "m/s^2"]
-    assert [interfaces[n].w for n in trucks.pool()] == [(), ("grade",), ("grade",)]
-    assert [len(trucks.load(n).specification.ratios) for n in trucks.pool()] == [6, 10, 12]
-
-
 def test_load_through_simulators_with_nested_and_flat_overrides(tmp_path: Path) -> None:
     file = tmp_path / "heavy.yaml"
     file.write_text(
@@ -131,25 +122,6 @@ def test_downhill_no_gear_is_kept_that_turns_faster_than_the_engine_can(name: st
     turning = ratios[gear - 1] * p["final_drive"] * run.y[:, :, 1] / p["wheel_radius"]
     over = (turning > 1.05 * p["governed_speed"]) & (gear < len(ratios))
     assert over.sum(axis=1).max() < 50  # 5 s
-
-
-def test_freightliner_feels_a_grade_it_does_not_report() -> None:
-    truck = trucks.load("freightliner")
-    assert truck.interface.w == ()
-    world = truck.with_grade_input()
-    u, y0 = np.tile([40.0, 0.0], (1, 200, 1)), np.array([[0.0, 15.0, 3.0]])
-    level = truck.rollout(u, np.zeros((1, 200, 0)), y0).y[0, -1, 1]
-    assert world.rollout(u, np.full((1, 200, 1), 0.03), y0).y[0, -1, 1] < level - 1.0
-
-
-def test_the_load_at_the_start_is_air_drag_and_rolling_resistance() -> None:
-    truck = trucks.load("trucksim")
-    p, speed = truck.parameters(), 25.0
-    y = np.zeros((1, len(truck.interface.y)))
-    y[0, truck.interface.y.index("speed")] = speed
-    drag = 0.5 * p["air_density"] * p["drag_area"] * speed**2
-    rolling = (p["rolling_resistance"] + p["rolling_resistance_speed"] * speed) * p["mass"] * p["gravity"]
-    assert truck.reset(y).records["load"][0] == pytest.approx(drag + rolling, rel=1e-6)
 
 
 # The accelerometer of a simulated truck reads the derivative of speed and the slope of the road
