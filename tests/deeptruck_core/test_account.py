@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from deeptruck_core import errors, signals
 from deeptruck_core.account import Account, moment
 from deeptruck_core.json_data import to_json
-from deeptruck_core.reading import typed
 from deeptruck_model import errors as earlier_errors
 from deeptruck_model import signals as earlier_signals
 
@@ -43,11 +42,6 @@ def test_an_account_keeps_counts_reasons_and_the_first_place() -> None:
 def test_a_time_since_1970_is_shown_as_a_date() -> None:
     assert moment(299.9) == "299.9 s" and moment(float("nan")) == "nan s"
     assert moment(1.7e9 + 0.25) == "2023-11-14 22:13:20.2 UTC"
-
-
-def test_a_path_is_shown_as_it_is_typed() -> None:
-    assert typed("found/a") == "found/a" and typed("my logs/a") == '"my logs/a"'
-    assert typed("a $b") == "'a $b'"
 
 
 # Names of the core that were in deeptruck_model work for one more release

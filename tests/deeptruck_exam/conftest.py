@@ -26,14 +26,14 @@ def truck_of(name: str) -> PhysicsTruck:
 
 @pytest.fixture(scope="session")
 def built() -> Callable[..., Built]:
-    """Eight drives of 75 s without an effect, two of each kind, of a reference truck, with and without a
+    """Four drives of 75 s without an effect, one of each kind, of a reference truck, with and without a
     leader."""
 
     @cache
     def made(truck: str, led: bool = False) -> Built:
         plan = draw_plan("nothing_missing", 3, None, "physics", 1.25)
-        drives = ["highway", "suburban", "hills", "descent"] * 2
-        styles = ["acc" if led else "human"] * 8
+        drives = ["highway", "suburban", "hills", "descent"]
+        styles = ["acc" if led else "human"] * 4
         plan = replace(plan, truck=truck, values={}, simulator_values={}, drives=drives, styles=styles)
         return build(replace(plan, grade=True, headway_s=0.9))
 
@@ -42,13 +42,13 @@ def built() -> Callable[..., Built]:
 
 @cache
 def undisturbed(truck: str, led: bool, built: Callable[..., Built]) -> Array:
-    """Acceleration (8, n) of a truck without a law along the drives, m/s^2."""
+    """Acceleration (4, n) of a truck without a law along the drives, m/s^2."""
     return accelerations(truck_of(truck), built(truck, led).drives)
 
 
 @pytest.fixture(scope="session")
 def acted(built: Callable[..., Built]) -> Callable[[str], Array]:
-    """Acceleration (8, n) by a law along the drives, at the upper end of its sizes, m/s^2."""
+    """Acceleration (4, n) by a law along the drives, at the upper end of its sizes, m/s^2."""
 
     @cache
     def act(key: str) -> Array:

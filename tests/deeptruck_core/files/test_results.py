@@ -28,17 +28,6 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_a_result_stands_whole_and_its_draft_is_gone(tmp_path: Path) -> None:
-    publish(tmp_path / "new" / "out", a="1", b="2")
-    assert names(tmp_path / "new") == ["out"] and names(tmp_path / "new" / "out") == [files.MARKER, "a", "b"]
-    assert KIND.marked(tmp_path / "new" / "out") and files.is_finished(tmp_path / "new" / "out")
-
-
-def test_a_draft_is_known_as_the_commands_from_its_beginning_and_is_not_finished(tmp_path: Path) -> None:
-    with KIND.replacing(tmp_path / "out") as draft:
-        assert KIND.marked(draft) and not files.is_finished(draft)
-
-
 def test_a_block_that_fails_leaves_the_older_result_and_nothing_else(tmp_path: Path) -> None:
     publish(tmp_path / "out", a="old")
     for out, overwrite in ((tmp_path / "out", True), (tmp_path / "never", False)):
@@ -86,15 +75,6 @@ def test_where_a_result_may_not_be_written_is_refused_and_nothing_changes(
     with pytest.raises(InputError, match=word):
         KIND.check(tmp_path / name, overwrite=name not in ("begun",))
     assert sorted(tmp_path.rglob("*")) == before
-
-
-def test_a_second_run_into_one_folder_is_refused(tmp_path: Path) -> None:
-    with (
-        KIND.replacing(tmp_path / "out"),
-        pytest.raises(InputError, match="another run is at work in"),
-        KIND.replacing(tmp_path / "out"),
-    ):
-        pass
 
 
 @pytest.mark.parametrize("older", [True, False])

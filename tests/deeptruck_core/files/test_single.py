@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import resource
 from pathlib import Path
@@ -38,20 +37,6 @@ def test_everyone_may_read_it_whom_the_umask_lets(tmp_path: Path) -> None:
     finally:
         os.umask(before)
     assert (tmp_path / "file").stat().st_mode & 0o777 == 0o644
-
-
-@pytest.mark.parametrize(
-    ("error", "says"),
-    [
-        (OSError(errno.ENOSPC, "no room"), "no room; make room or choose another name"),
-        (OSError("odd"), "odd; choose another name"),
-    ],
-)
-def test_why_a_new_file_cannot_be_written(tmp_path: Path, error: OSError, says: str) -> None:
-    path = tmp_path / "a.csv"
-    with pytest.raises(InputError) as refused, files.new_file(path):
-        raise error
-    assert str(refused.value) == f"cannot write {path}: {says}" and not list(tmp_path.iterdir())
 
 
 def test_a_finished_file_is_kept_where_another_came_to_its_place(tmp_path: Path) -> None:

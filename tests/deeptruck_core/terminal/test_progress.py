@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import errno
 import os
-import threading
 import time
 from pathlib import Path
 
@@ -63,24 +62,6 @@ def test_a_full_disk_is_said_by_whoever_writes_and_by_nobody_else(
     with pytest.raises(OSError, match="No space left"):
         _write_until_it_fails(tmp_path)
     assert capsys.readouterr().err == ""
-
-
-@pytest.mark.parametrize("error", [ValueError("wrong"), OSError("wrong")])
-def test_errors_of_other_threads_are_reported_as_before(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
-) -> None:
-    received: list[threading.ExceptHookArgs] = []
-    monkeypatch.setattr(threading, "excepthook", received.append)
-
-    def fail() -> None:
-        raise error
-
-    for _ in range(2):  # a second board adds nothing
-        board(tmp_path, 0).close()
-    thread = threading.Thread(target=fail)
-    thread.start()
-    thread.join()
-    assert [given.exc_value for given in received] == [error]
 
 
 def _write_until_it_fails(folder: Path) -> None:

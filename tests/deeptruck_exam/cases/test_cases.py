@@ -1,5 +1,7 @@
 """Sealed cases: repeatable, closed, and true to their level."""
 
+from __future__ import annotations
+
 import json
 from dataclasses import replace
 
@@ -11,8 +13,16 @@ from deeptruck_exam import tool
 from deeptruck_exam.cases.absorption import retune
 from deeptruck_exam.cases.build import build
 from deeptruck_exam.cases.case import Case, further_drives, make_case, measure, open_truth
+from deeptruck_exam.cases.levels import (
+    LEVELS,
+    NO_EFFECT,
+    NOT_RECORDED,
+    choose,
+    suitable,
+)
 from deeptruck_exam.cases.plan import draw_plan
 from deeptruck_exam.scoring.evaluation import arrays, open_loop
+from deeptruck_exam.worlds import trucks
 from deeptruck_model import simulators
 from deeptruck_model.recordings import read
 
@@ -176,7 +186,37 @@ def test_an_accelerometer_feels_a_slope_and_no_wind(key):
         assert bool(np.std(gravity) > 0.02) is (key == "slope_not_recorded")
 
 
-def test_each_drive_differs_in_its_own_way():
-    built = quick("each_drive_differs", seed=3, minutes=0.7)
-    means = np.abs(built.extra).mean(axis=1)
-    assert means.max() > 0.01 and means.std() > 0.2 * means.mean()
+# Which laws the levels hide
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_plans_of_every_level(level: str) -> None:
+    plans = [draw_plan(level, seed, None, "physics", 4.0) for seed in range(60)]
+    assert all(p.truck in e.trucks for p in plans for e in p.effects)
+    off = [
+        np.ptp([p.simulator_values.get(n, 1.0) / p.values.get(n, 1.0) for n in trucks.TUNABLE]) for p in plans
+    ]
+    assert (np.median(off) > 0.05) == (level in ("wrong_parameters", "absorbed", "only_parameters"))
+    if level == "nothing_missing":
+        assert all(not p.effects for p in plans) and 0.0 < max(off) < 0.03
+    elif level == "only_parameters":
+        assert not any(p.effects for p in plans)
+    elif level == "input_not_recorded":
+        assert {p.hidden_input for p in plans} == set(NOT_RECORDED)
+    else:
+        assert len({p.effects[0].key for p in plans}) >= 3
+    if level == "several":
+        assert {len(p.effects) for p in plans} == {2, 3}
+        assert all(len({e.name for e in p.effects}) == len(p.effects) for p in plans)
+    if level == "unknown":
+        assert {bool(p.excluded) for p in plans} == {True, False}
+        assert all(p.excluded or p.effects[0].name == "unknown" for p in plans)
+
+
+@pytest.mark.parametrize(
+    "level", [n for n in LEVELS if n not in (*NO_EFFECT, "input_not_recorded", "unknown")]
+)
+def test_a_level_goes_through_all_that_suit_in_its_own_order(level: str) -> None:
+    some = suitable(level)
+    chosen = [choose(level, 1000 + k, None)[0][0].key for k in range(len(some))]
+    assert sorted(chosen) == sorted(e.key for e in some)

@@ -125,19 +125,6 @@ def test_a_row_is_scored_by_the_rules_of_the_exam_and_stands_on_the_page() -> No
     assert "| learned | mass +5 t | mass | 1, 1, 1 of 1 | 1.50 | - | 0.10 | 0.10 |" in text
 
 
-def test_a_failed_run_is_run_again_and_a_scored_one_is_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    ends = [ToolRun(124, 1.0, {}, "stopped after 900 s"), ToolRun(0, 1.0, verdict("mass"), "")]
-    monkeypatch.setattr(prove, "run_tool", lambda case, out: ends.pop(0))
-    monkeypatch.setattr(cases, "drives", lambda *_, **__: [])
-    (tmp_path / "cases" / "mass-3").mkdir(parents=True)
-    for outcome in ("failed", "right", "right"):
-        prove._examine((tmp_path, "mass", 3, "sim", "learned"))
-        assert prove._kept(tmp_path, "mass", 3, "learned")["outcome"] == outcome
-    assert not ends
-
-
 @needs_fastsim
 @pytest.mark.long
 @pytest.mark.timeout(1800)  # a minute of CPU time, more on a busy machine
