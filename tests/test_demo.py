@@ -13,7 +13,7 @@ import yaml
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))  # `examples` is no part of the installed packages
 
-from examples.demo import page  # noqa: E402
+from examples.demo import runner  # noqa: E402
 from examples.demo.runner import StepError, run  # noqa: E402
 from examples.demo.steps import DEMO, Settings, Step, plan  # noqa: E402
 
@@ -48,19 +48,6 @@ def test_a_folder_that_is_no_demo_is_refused_in_one_line(tmp_path: Path) -> None
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
-def test_commands_are_shown_without_absolute_paths() -> None:
-    words = (str(Path.cwd() / "demo"), f"x:path={Path.cwd() / 'y'}", str(Path.cwd().parent))
-    assert Step("a", "", ("/bin/tool", *words)).typed == "tool demo x:path=y .."
-
-
-def test_intervals_that_hold_too_little_are_owned_up_to() -> None:
-    def said(*shares: float) -> str:
-        return page._intervals([("speed", "m/s", {"inside_90": share}) for share in shares])
-
-    assert said(0.55, 0.63).startswith("90 % intervals hold 55 to 63 % of the points: they are too narrow")
-    assert said(0.88, 0.91) == "90 % intervals hold 88 to 91 % of the points"
-
-
 def test_steps_need_what_comes_from_steps_before_them(tmp_path: Path) -> None:
     seen: set[str] = set()
     for step in plan(tmp_path, Settings()):
@@ -82,7 +69,10 @@ def test_each_step_runs_after_those_it_needs_and_overwrites(tmp_path: Path) -> N
     assert list(took) == ["first", "middle", "last"]
 
 
-def test_a_step_that_fails_says_why_and_ends_the_others(tmp_path: Path) -> None:
+def test_a_step_that_fails_says_why_and_ends_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runner, "FAREWELL_S", 240.0)  # a busy machine gives the other its time too
     ended, begun = tmp_path / "ended", tmp_path / "begun"
     waits = f"""
 import time

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import importlib.util
 import re
@@ -22,6 +23,7 @@ import deeptruck_model.cli
 import truck_bridge.cli
 from deeptruck_model.cli import spread
 from deeptruck_nodes.parameters import schema
+from truck_bridge.safety import Timing
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -284,3 +286,19 @@ def written() -> dict[str, str]:
 def test_the_terms_are_those_of_the_field(word: str) -> None:
     found = [path for path, text in written().items() if re.search(rf"\b({word})\b", text, re.I)]
     assert not found, f"not '{word}' but {WORDS[word]}"
+
+
+def test_the_layers_of_the_safety_core_name_tests_that_exist() -> None:
+    text = (ROOT / "docs" / "safety_core.md").read_text()
+    tests = "".join(path.read_text() for path in (ROOT / "tests").rglob("test_*.py"))
+    files = {path.stem for path in (ROOT / "tests").rglob("test_*.py")}
+    named = set(re.findall(r"`(test_\w+)", text)) - files
+    assert len(named) > 15
+    missing = [name for name in named if f"def {name}" not in tests]
+    assert missing == []
+
+
+def test_the_table_of_times_is_that_of_the_core() -> None:
+    text = (ROOT / "docs" / "vehicle_file.md").read_text().split("## Times of the core")[1]
+    rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| (.+) \| (.+) \|$", text, re.MULTILINE)
+    assert {name: float(value) for name, value, *_ in rows} == dataclasses.asdict(Timing())

@@ -117,7 +117,7 @@ def test_every_package_comes_from_the_wheel(run: Call, programs: Path) -> None:
     assert all(place.is_relative_to(programs.parent) for place in places)
 
 
-@pytest.mark.parametrize("program", SCRIPTS)
+@pytest.mark.parametrize("program", ["deeptruck", "deeptruck-cacc", "truck-bridge", "deeptruck-vehicle"])
 def test_every_program_has_help(program: str, run: Call) -> None:
     done = run(program, "--help")
     assert done.returncode == 0 and not done.stderr
