@@ -51,7 +51,8 @@ def fitted_sizes(fitted: Fitted, name: str) -> dict[str, Size]:
             elif column.unit == "s" or not part.paths:  # a constant is its size
                 wide = max((sd for _, sd in constants.values()), default=0.0)
                 sized[column.name] = (column, column.factor, abs(column.factor) * wide)
-        for of, (column, value, sd) in sized.items():
+        surest = sorted(sized, key=lambda of: sized[of][2] / max(abs(sized[of][1]), 1e-12))[:MAIN_PARAMETERS]
+        for of, (column, value, sd) in ((of, sized[of]) for of in sized if of in surest):
             unit_of = e.unit.of(column.unit) if column.per_mass else column.unit
             drive, wide = _drive(part.variant, of), float(np.sqrt(sd**2 + timing(column, step_s)))
             x = bounded(column, value, wide, unit_of, e, turning, of_drive=bool(drive))
