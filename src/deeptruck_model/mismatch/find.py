@@ -110,8 +110,7 @@ def stated(c: Compared, correction: Correction, driven: Validated) -> Stated:
     found = findings(c, correction, slope, error, tolerance)
     nodes = name_tree(c, slope)
     channels = witnesses(c.regression, c.drives.prepared, c.budget)
-    happened = [x for x in c.events if abs(x.speed_change) >= c.regression.rules.drift]
-    seen = with_channels(c.drives.prepared, happened)
+    seen = with_channels(c.drives.prepared, c.events)
     return Stated(found, *located(c.fitted, found), seen, nodes, channels)
 
 

@@ -93,11 +93,12 @@ def with_events(look: Posterior, seed: int) -> tuple[Posterior, tuple[Event, ...
     """The posterior, and the events. What acts throughout is named from the rows without events, and what
     acts for seconds afterwards from these alone.
 
-    A first `look` selects the laws whose constants are fitted, and a first posterior finds the events.
+    A first `look` selects the laws whose constants are fitted, and a first posterior finds the events. Those
+    too small for a finding stay rows like any others.
     """
     regression = narrowed(look)
     p = posterior(regression, seed=seed, noise=look.noise)
-    found = events(p, seed)
+    found = [x for x in events(p, seed) if abs(x.speed_change) >= regression.rules.drift]
     if not found:
         return p, ()
     rows = rows_of(found, len(regression.e))
@@ -114,13 +115,13 @@ def in_several(
 
     Further draws are of the residual in events, given the mean of what acts throughout: of a force of its own
     in each, and of the laws of each mechanism in all of them. Those in which the simulator shifts at another
-    moment, or which are too small for a finding, are left out.
+    moment are left out.
     """
     e, rules = regression.e, regression.rules
     if e.other_shift is not None:
         at_a_shift = [e.other_shift[x.start : x.stop].mean() >= MOST_OF for x in found]
         found = [replace(x, other_shift=bool(own)) for x, own in zip(found, at_a_shift, strict=True)]
-    asked = [x for x in found if not x.other_shift and abs(x.speed_change) >= rules.drift]
+    asked = [x for x in found if not x.other_shift]
     within_events = copy(regression)
     within_events.rows = regression.rows[rows_of(asked, len(e))[regression.rows]]
     if not len(within_events.rows):

@@ -185,6 +185,7 @@ def test_a_single_event_has_possible_names_and_is_evidence_for_none() -> None:
     lost, (rows,) = lost_for_seconds(strong_pulls()[0])
     p, happened = with_events(first_look(regression(evidence(lost))), 0)
     assert not rows_of(happened, N)[p.regression.rows].any()
+    assert all(abs(x.speed_change) >= p.regression.rules.drift for x in happened)
     (one,) = (x for x in happened if overlaps(x, rows) > 0.5)
     assert one.name is None and not one.other_shift
     assert {FAMILY[x.name] for x in one.possible} & {"engine_driveline"}
@@ -221,8 +222,8 @@ def test_a_force_that_no_name_has_makes_events_without_one() -> None:
     window = [Event("abc"[i], 0.0, 7.0, -0.5, 1.0, None, r.start, r.stop) for i, r in enumerate(rows)]
     p, happened = in_several(posterior(search, sweeps=30), search, window)
     assert all(x.name is None for x in happened)
-    small = [replace(x, speed_change=0.5 * search.rules.drift) for x in window]
-    assert in_several(p, search, small)[0] is p
+    shifts = [replace(x, other_shift=True) for x in window]
+    assert in_several(p, search, shifts)[0] is p
 
 
 def false_events(seeds: range) -> tuple[int, float]:
