@@ -257,6 +257,9 @@ def test_findings_their_forces_and_the_correction_are_one_answer(verdict: Verdic
     stated = {f.effect: f for f in verdict.findings if f.kind is not Kind.SENSOR and f.stated == f.effect}
     if fit.offered == CORRECTION:
         assert stated.keys() <= {*fit.corrected}
+    assert verdict.budget is not None
+    for f in stated.values():
+        assert verdict.budget.share(f.family) > 0.0
     for name, force in fit.corrected_forces.items():
         if name in stated:
             strength = stated[name].strength
