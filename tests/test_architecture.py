@@ -124,7 +124,7 @@ FLOOR = tuple(
     for name in (
         "calls", "results", "simulator_facts",
         "recordings.tables.table", "recordings.tables.table_file", "recordings.tables.csv_text",
-        "recordings.tables.mat_file", "recordings.tables.column", "recordings.tables.mixtures",
+        "recordings.tables.column",
         "recordings.words", "recordings.units", "recordings.ranges",
         "recordings.consistency.impossible", "recordings.interpolate",
         "outside.reference", "outside.saved", "outside.truck",

@@ -133,6 +133,15 @@ def conversion(channel: str, unit: str | None, density: float | None = None) -> 
     raise InputError(f"unit '{unit}' does not fit channel '{channel}'; use one of: {known}")
 
 
+def fits(channel: str, unit: str) -> bool:
+    """Whether a channel can have this unit."""
+    try:
+        conversion(channel, unit)
+    except InputError:
+        return False
+    return True
+
+
 def between(unit: str, other: str) -> tuple[float, float] | None:
     """Factor and offset from numbers in one unit to those in another; None if they measure different
     things."""

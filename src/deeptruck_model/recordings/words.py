@@ -10,10 +10,9 @@ import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from deeptruck_core.errors import InputError
 from deeptruck_core.reading import package_yaml
 from deeptruck_core.signals import CHANNELS
-from deeptruck_model.recordings.units import TIME_UNITS, conversion
+from deeptruck_model.recordings.units import TIME_UNITS, fits
 
 _DATA = package_yaml(__package__, "words.yaml")
 COMMANDED, STATISTIC, LEADER = (frozenset(_DATA[kind]) for kind in ("commanded", "statistic", "leader"))
@@ -178,15 +177,6 @@ def spelled(text: str, name: str = "") -> str:
     unit = _SPELLINGS.get(key, plain)
     ours = any(fits(channel, unit) for channel in CHANNELS)
     return unit if ours or unit.lower() in TIME_UNITS or unit.lower() in _NO_CHANNEL else ""
-
-
-def fits(channel: str, unit: str) -> bool:
-    """Whether a channel can have this unit."""
-    try:
-        conversion(channel, unit)
-    except InputError:
-        return False
-    return True
 
 
 def _without_umlauts(text: str) -> str:

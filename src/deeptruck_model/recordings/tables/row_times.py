@@ -26,7 +26,6 @@ from deeptruck_model.recordings.schemas import DATE_UNITS
 from deeptruck_model.recordings.tables.column import MOST_ABOVE, Column
 from deeptruck_model.recordings.tables.columns import Clock
 from deeptruck_model.recordings.tables.csv_text import NUMBER
-from deeptruck_model.recordings.tables.mixtures import settled
 from deeptruck_model.recordings.tables.table import Table
 from deeptruck_model.recordings.units import TIME_UNITS
 from deeptruck_model.recordings.words import NO_TIME, TIME
@@ -138,7 +137,6 @@ def timed(table: Table, clock: Clock) -> tuple[Table, Array, list[float]]:
     implausible step.
     """
     if clock.columns:
-        table = settled(table, clock.columns)
         seconds = _seconds(table, clock)
         known = ~np.isnan(seconds)
         lost = int(np.argmax(~known))

@@ -17,13 +17,12 @@ from deeptruck_model.recordings.extract import SIDEWAYS
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, Series, period
 from deeptruck_model.recordings.tables.columns import Columns
 from deeptruck_model.recordings.tables.csv_text import RAGGED
-from deeptruck_model.recordings.tables.mixtures import key_of, only, widened
 from deeptruck_model.recordings.tables.row_times import timed
-from deeptruck_model.recordings.tables.table import Table
+from deeptruck_model.recordings.tables.table import Table, of_one, widened, without_copies
 from deeptruck_model.recordings.tables.table_file import read_table
 from deeptruck_model.recordings.topic_map import Source
-from deeptruck_model.recordings.units import conversion
-from deeptruck_model.recordings.words import fits, sibling
+from deeptruck_model.recordings.units import conversion, fits
+from deeptruck_model.recordings.words import sibling
 
 LEAST_RENEWALS = 20  # by which a value is seen to be held between them
 LEAST_LINE, STRAIGHT = 5.0, 0.75  # rows of a straight line; part of all rows that then has no bend
@@ -50,18 +49,15 @@ def read_samples(path: Path, meaning: Columns) -> Samples:
     table = read_table(path, meaning.form)
     if meaning.pivot:
         table = widened(table, *meaning.pivot, meaning.time.columns)
-    table = only(table, meaning.only)
-    if not meaning.only:
-        speeds = [table[meaning.channels["speed"].field].values]
-        if key := key_of(table, speeds):
-            raise InputError(f"{path}: {key}: take one by {key.line}")
+    speed = meaning.channels["speed"].field
+    table = of_one(table, meaning.only, speed)
     if not meaning.time.columns:
-        table = table.without_text_above(~table[meaning.channels["speed"].field].unreadable)
+        table = table.without_text_above(~table[speed].unreadable)
         if RAGGED in table.account.total.aside:
             table.account.remarks.append(
                 "rows are the clock: what lies behind one that was left out is too early"
             )
-    table, time, cuts = timed(table, meaning.time)
+    table, time, cuts = timed(without_copies(table, meaning.time.columns), meaning.time)
     values = {channel: _values(table, channel, column) for channel, column in meaning.channels.items()}
     _check_pedals(table, meaning)
     for channel, step in meaning.split_at.items():

@@ -36,16 +36,15 @@ from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.tables.column import Column
 from deeptruck_model.recordings.tables.columns import Clock
 from deeptruck_model.recordings.tables.csv_text import Format
-from deeptruck_model.recordings.tables.mixtures import Key, key_of, only, widened
 from deeptruck_model.recordings.tables.row_times import clocks_of, timed
-from deeptruck_model.recordings.tables.table import Table
+from deeptruck_model.recordings.tables.table import Key, Table, key_of, only, widened, without_copies
 from deeptruck_model.recordings.tables.table_file import find_form, read_table
+from deeptruck_model.recordings.units import fits
 from deeptruck_model.recordings.words import (
     BY_WORDS,
     COMMANDED,
     LEADER,
     TIME,
-    fits,
     header,
     named_channels,
     sibling,
@@ -239,7 +238,7 @@ def _clock(table: Table) -> tuple[Clock | None, str, Array]:
     refused = ""
     for place, (clock, why) in enumerate(clocks_of(table)):
         try:
-            kept, time, _ = timed(table.counted_anew(), clock)
+            kept, time, _ = timed(without_copies(table.counted_anew(), clock.columns), clock)
         except InputError as error:
             refused = refused or str(error).removeprefix(f"{table.path}: ")
             continue

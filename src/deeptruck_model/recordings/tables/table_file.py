@@ -6,11 +6,14 @@ from __future__ import annotations
 
 import csv as text_csv
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 from pyarrow import parquet
 
 from deeptruck_core import reading
@@ -19,11 +22,15 @@ from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.formats import PARQUET
 from deeptruck_model.recordings.consistency.impossible import impossible
-from deeptruck_model.recordings.tables import mat_file
 from deeptruck_model.recordings.tables.column import Column, decimal_mark, has_mark
 from deeptruck_model.recordings.tables.csv_text import BLANK, Format, find_format, read_csv
-from deeptruck_model.recordings.tables.mixtures import key_of
-from deeptruck_model.recordings.tables.table import Table
+from deeptruck_model.recordings.tables.table import Table, key_of
+
+MAT = ".mat"
+MOST_IN_A_MATRIX = 64  # columns of a matrix
+CLOCKS = ("time", "t", "timestamp", "tout")  # fields of a structure that are the time of the others
+
+Vectors = dict[str, NDArray[Any]]
 
 
 def read_table(path: Path, form: Format | None = None) -> Table:
@@ -42,7 +49,7 @@ def read_table(path: Path, form: Format | None = None) -> Table:
             if path.suffix.lower() in PARQUET or path.is_dir():
                 table = parquet.read_table(path, page_checksum_verification=True)
             else:
-                table, remarks = mat_file.read(path)
+                table, remarks = read_mat(path)
                 account.remarks += remarks
             names, rows = list(table.column_names), np.arange(table.num_rows)
             account.total.read = table.num_rows
@@ -119,7 +126,7 @@ def find_form(path: Path) -> Format:
 
 def is_typed(path: Path) -> bool:
     """Whether a table has types and no text: Parquet, also in parts below a folder, or MAT."""
-    return path.suffix.lower() in (*PARQUET, mat_file.SUFFIX) or path.is_dir()
+    return path.suffix.lower() in (*PARQUET, MAT) or path.is_dir()
 
 
 def check_table(path: Path) -> None:
@@ -143,3 +150,74 @@ def _why(error: BaseException, encoding: str) -> str:
     if isinstance(error, UnicodeDecodeError) or "UTF8" in text or "decod" in text:
         return f"it is not in {encoding}; set 'encoding' (latin-1, for example)"
     return text
+
+
+def read_mat(path: Path) -> tuple[pa.Table, list[str]]:
+    """The vectors of a file of version 4 to 7, those of structures as STRUCTURE.FIELD, and remarks.
+
+    Structures with a time of their own (Structure With Time of Simulink, exported timeseries, groups of a
+    logger) share one column `time`, the union of theirs; a signal is blank in rows that are not its own.
+    Without such, vectors of the most frequent length are used. Raises InputError for a file of version 7.3
+    (which is HDF5), a damaged one, and one without numeric vectors.
+    """
+    from scipy.io import loadmat
+
+    try:
+        held = loadmat(path, squeeze_me=True, struct_as_record=False)
+    except Exception as error:  # whatever a damaged byte leads the library to
+        raise InputError(
+            f"{path} cannot be read as a MAT file ({reading.plain(str(error), 120)}); save it with '-v7', or "
+            "as CSV"
+        ) from None
+    timed: list[tuple[NDArray[Any], Vectors]] = []
+    others: Vectors = {}
+    for key, value in held.items():
+        if not key.startswith("__"):
+            others |= _vectors_of(key, value, timed)
+    if not timed and not others:
+        raise InputError(f"{path} holds no vector of numbers; save time and signals as vectors")
+    columns: Vectors = {}
+    lengths = [len(values) for values in others.values()]
+    rows = max(set(lengths), key=lambda length: (lengths.count(length), length)) if lengths else 0
+    if timed:
+        columns["time"] = np.unique(np.concatenate([time for time, _ in timed]))
+        rows = len(columns["time"])
+    for time, vectors in timed:
+        for name, values in vectors.items():
+            columns[name] = np.full(rows, np.nan)
+            columns[name][np.searchsorted(columns["time"], time)] = values
+    columns |= {name: values for name, values in others.items() if len(values) == rows}
+    table = pa.table({name: pa.array(values, from_pandas=True) for name, values in columns.items()})
+    left_out = [name for name in others if name not in columns]
+    return table, [f"of another length than the others, left out: {', '.join(left_out)}"] if left_out else []
+
+
+def _vectors_of(name: str, value: Any, timed: list[tuple[NDArray[Any], Vectors]]) -> Vectors:
+    """The vectors of a variable that have no time of their own; those that have are added to `timed`."""
+    found: Vectors = {}
+    if isinstance(value, np.ndarray) and value.dtype == object:  # an array of structures
+        for k, one in enumerate(value.ravel()):
+            label = getattr(one, "name", "")
+            found |= _vectors_of(f"{name}.{label if isinstance(label, str) and label else k + 1}", one, timed)
+        return found
+    if not hasattr(value, "_fieldnames"):
+        return dict(_vectors(name, value))
+    for inner in value._fieldnames:
+        found |= _vectors_of(f"{name}.{inner}", getattr(value, inner), timed)
+    clocks = {f"{name}.{clock}".lower() for clock in CLOCKS}
+    clock = next((one for one in found if one.lower() in clocks), "")
+    if not clock or not (np.diff(time := found[clock].astype(float)) > 0.0).all():
+        return found
+    timed.append(
+        (np.round(time, 9), {one: x for one, x in found.items() if one != clock and len(x) == len(time)})
+    )
+    return {one: x for one, x in found.items() if one != clock and len(x) != len(time)}
+
+
+def _vectors(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
+        return
+    if value.ndim == 1 and len(value) > 1:
+        yield name, value
+    elif value.ndim == 2:
+        yield from ((f"{name}[{k + 1}]", value[:, k]) for k in range(min(value.shape[1], MOST_IN_A_MATRIX)))

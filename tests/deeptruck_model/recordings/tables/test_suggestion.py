@@ -15,7 +15,8 @@ from pyarrow import parquet
 
 from deeptruck_core.arrays import Array
 from deeptruck_model.recordings import TableSuggestion, import_table, suggest_columns
-from deeptruck_model.recordings.words import COMMANDED, fits, header, named_channels
+from deeptruck_model.recordings.units import fits
+from deeptruck_model.recordings.words import COMMANDED, header, named_channels
 
 DT = 0.1
 TIME = DT * np.arange(1200)
