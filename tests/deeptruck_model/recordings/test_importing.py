@@ -8,7 +8,6 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from csv_tables import EVERYTHING, SPEED, everything, write_csv
-from foreign_bags import bag_of, drive_messages
 from pyarrow import parquet
 
 from deeptruck_core.signals import CHANNELS, FAULTS, TruckInterface
@@ -57,15 +56,6 @@ def test_speed_alone_is_enough(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.channels["acceleration"], 2.0)
     assert recording.interface == TruckInterface("drive", brake_unit=None, grade=False, fuel=False)
     assert recording.notes == ("imported from the table drive.csv", "acceleration derived from speed")
-
-
-def test_a_bag_with_other_topics(tmp_path: Path) -> None:
-    topics = {"speed": {"topic": "/truck/twist", "field": "twist.linear.x"}}
-    bag = bag_of(tmp_path / "theirs", drive_messages())
-    (mapped,) = import_table(bag, topics, tmp_path / "bag").recordings
-    (recording,) = read(tmp_path / "bag")
-    assert recording.interface == mapped.interface
-    np.testing.assert_array_equal(recording.channels["speed"], mapped.channels["speed"])
 
 
 def test_a_table_keeps_its_own_rate(tmp_path: Path) -> None:
