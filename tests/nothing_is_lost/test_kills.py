@@ -12,9 +12,9 @@ QUICKEST = ("train", "record")  # one that goes on by --resume, and the recorder
 @pytest.mark.parametrize(
     "command",
     [
-        pytest.param(c.name, marks=pytest.mark.long if c.name in QUICKEST else pytest.mark.hours)
-        for c in kills.COMMANDS
+        pytest.param(name, marks=pytest.mark.long if name in QUICKEST else pytest.mark.hours)
+        for name in kills.COMMANDS
     ],
 )
 def test_an_ended_run_leaves_nothing_half_written_and_is_gone_on_with(command: str) -> None:
-    assert [one for one in kills.disturbed([command], runs=2, seed=1) if one.wrong] == []
+    assert [what for what in kills.disturbed([command], runs=2, seed=1) if what[1]] == []
