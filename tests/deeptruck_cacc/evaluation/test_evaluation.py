@@ -83,7 +83,7 @@ def test_settling_time_is_the_last_time_outside():
 @pytest.mark.parametrize("name", sorted(hard_scenes.HARD))
 def test_every_scene_is_well_formed_and_drivable(toy, cacc, name):
     draw, seconds = hard_scenes.HARD[name]
-    steps = round(min(seconds, 70.0) / toy.dt)
+    steps = round(min(seconds, 40.0) / toy.dt)
     scene = draw(np.random.default_rng(0), 5, steps, toy.dt)
     assert scene.batch == 5 and scene.steps == steps
     for history in (scene.gap_jump, scene.seen, scene.seen_gap_offset, scene.hidden_grade):

@@ -47,16 +47,15 @@ def test_before_the_first_checkpoint_nothing_is_left_to_go_on_from(
     assert not list(tmp_path.iterdir())
 
 
-def test_an_unfinished_training_is_not_discarded(script: Script, monday: Path, killed: Path) -> None:
+def test_an_unfinished_training_is_not_discarded_and_goes_on(
+    script: Script, monday: Path, killed: Path
+) -> None:
     checkpoint = killed.with_name(".sim.unfinished") / resume.FILE
     before = checkpoint.read_bytes()
     code, said, errors = script("train", monday, "--out", killed, "--budget", 40)
     assert code == 2 and not said and errors.count("\n") == 1
     assert "--resume" in errors and "--overwrite" in errors
     assert checkpoint.read_bytes() == before and not killed.exists()
-
-
-def test_an_unfinished_training_goes_on(script: Script, monday: Path, killed: Path) -> None:
     code, said, _ = script("train", monday, "--out", killed, "--budget", 40, "--resume")
     assert code == 0 and "trained in" in said
     assert (killed / "simulator.json").exists() and not (killed / resume.FILE).exists()

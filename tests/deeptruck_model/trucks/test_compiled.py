@@ -54,13 +54,9 @@ def run(folder: Path, code: str = PROBE) -> tuple[float, int]:
     return float(value), int(hits)
 
 
-def test_a_second_process_finds_the_compiled_loop(small: Path) -> None:
+def test_a_second_process_finds_the_compiled_loop_and_a_changed_part_is_compiled_again(small: Path) -> None:
     assert run(small) == (42.0, 0)
     assert run(small) == (42.0, 1)
-
-
-def test_a_changed_part_is_compiled_again(small: Path) -> None:
-    run(small)
     (small / "small" / "parts.py").write_text(PARTS.format(factor=3.0))
     assert run(small) == (63.0, 0)
 
