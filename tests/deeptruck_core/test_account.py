@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from deeptruck_core import errors, signals
 from deeptruck_core.account import Account, moment
 from deeptruck_core.json_data import to_json
+from deeptruck_core.reading import typed
 from deeptruck_model import errors as earlier_errors
 from deeptruck_model import signals as earlier_signals
 
@@ -51,3 +52,8 @@ def test_earlier_names_are_the_same_objects() -> None:
     assert earlier_errors.InputError is errors.InputError
     assert earlier_signals.CHANNELS is signals.CHANNELS
     assert earlier_signals.TruckInterface is signals.TruckInterface
+
+
+def test_a_path_is_shown_as_it_is_typed() -> None:
+    assert typed("found/a") == "found/a" and typed("my logs/a") == '"my logs/a"'
+    assert typed("a $b") == "'a $b'"

@@ -192,3 +192,28 @@ def test_what_ended_the_wait_is_heard_next(connection, buses):
     buses[1].send(frame())
     connection.wait(1.0)
     assert len(connection.hear(0.0)) == 1
+
+
+def test_a_bus_that_is_off_at_the_start_is_claimed_by_the_next_try(connection, buses):
+    buses[1].send(frame(arbitration_id=0x40, is_error_frame=True, is_extended_id=False))
+    connection.start(0.0)
+    assert connection.lost
+    assert connection.claims(RETRY_S - 0.01) == []
+    assert connection.claims(RETRY_S) == [(CLAIM, name(1))]
+
+
+def test_a_flooded_bus_does_not_keep_the_bridge_from_starting(connection, buses, monkeypatch):
+    monkeypatch.setattr(buses[0], "recv", lambda timeout: frame())
+    connection.start(0.0)
+    assert connection.claims(0.0) == [(CLAIM, name(1))]
+
+
+def test_a_full_channel_says_so(channel):
+    buses = []
+    try:
+        with pytest.raises(can.CanInitializationError, match="already has"):
+            for _ in range(SLOTS + 1):
+                buses.append(can.Bus(interface="loopback", channel=channel))
+    finally:
+        for bus in buses:
+            bus.shutdown()

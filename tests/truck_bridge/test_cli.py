@@ -111,3 +111,10 @@ def test_bad_input_is_one_line_and_exit_code_2(monkeypatch, capsys, log, argumen
     assert says in err
     assert err.startswith("truck-bridge: ")
     assert err.count("\n") == 1
+
+
+def test_convert_makes_a_rosbag_and_overwrites_nothing(monkeypatch, capsys, log):
+    bag = log.with_suffix(".mcap")
+    assert run(monkeypatch, "convert", log, bag) == 0
+    assert len(list(read(bag))) == 6
+    assert run(monkeypatch, "convert", log, bag) == 2

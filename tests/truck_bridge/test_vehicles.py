@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from importlib import resources
 
@@ -194,3 +195,15 @@ def test_the_full_demand_brakes_as_the_page_says(name, load_factor, braking):
         state, y = truck.step(state, np.array([[0.0, high]]), np.zeros((1, len(truck.interface.w))))
         speeds.append(float(y[0, SPEED]))
     assert -np.diff(speeds).min() / truck.dt == pytest.approx(braking, abs=0.06)
+
+
+def test_no_two_messages_share_a_turn(vehicle):
+    """Sent together, one of them gets lost (PATH): turns differ by 5 ms or more."""
+    turns = {
+        round(message.phase_s + k * message.axis.period_s, 6): name
+        for name, message in vehicle.transmitted.items()
+        for k in range(round(0.1 / message.axis.period_s))
+    }
+    assert len(turns) == 5 + 5 + 2
+    times = sorted(turns)
+    assert min(b - a for a, b in itertools.pairwise(times)) >= 0.005 - 1e-9

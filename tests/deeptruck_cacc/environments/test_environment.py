@@ -210,3 +210,32 @@ def test_importing_the_package_registers_without_loading_the_environment() -> No
     )
     said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
     assert said.split() == ["False", "deeptruck_cacc.environments.adapters:CaccGymEnv"]
+
+
+def test_power_features_say_what_following_takes():
+    features = FeatureMap.default(power=True)
+    assert features.names[8:] == (
+        "ideal_acceleration",
+        "ideal_speed_error",
+        "ideal_gap_error",
+        "time_gap_error",
+        "wanted_acceleration",
+        "wanted_power",
+        "power",
+        "engine_action",
+        "brake_action",
+    )
+    behind = 0.2 + 0.4 / 3.0  # the leader's speed suits 51.6 m, so the ideal follower is above it by 0.4 / 3
+    lasting = 0.1 * 0.5 / 3.0 / 6.0  # 0.1 s of 1 m, of which half counts, at 3 s
+    wanted = 0.2 / 3.0 + (behind + lasting) / 0.8
+    memory = said(features, [2 * 0.2 / 3.0, behind, 0.0], wanted)
+    memory = features.remember(memory, np.array([[0.5, -3.0]]))
+    np.testing.assert_allclose(memory[0, 4:6], [0.1, -0.2])
+    plain = FeatureMap.default()
+    np.testing.assert_array_equal(plain.remember(memory[:, :3], np.ones((1, 2))), memory[:, :3])
+
+
+def test_where_commands_come_late_the_ideal_follower_is_the_remembered_one():
+    closing = 2.0 + 0.1 * 3.0  # it has 17.2 m/s and 51.6 m
+    memory = said(FeatureMap.default(power=True, late=True), [0.0, 0.2, 0.2], (0.4 + 0.4 / closing) / closing)
+    assert memory[0, 3] == 17.2

@@ -170,3 +170,18 @@ def test_damaged_or_of_other_signals_is_said(tmp_path: Path) -> None:
     (tmp_path / io.DRIVEN_FILE).write_bytes(b"nothing of the kind")
     with pytest.raises(InputError, match="damaged"):
         io.load_driven(tmp_path, 4)
+
+
+def test_a_channel_that_stands_still_is_scaled_by_its_floor(drive):
+    recording = drive(30)
+    for name in ("acceleration", "speed"):
+        recording.channels[name][:] = 10.0
+    scales, n_y = data.measure_scales([recording]), len(recording.interface.y)
+    np.testing.assert_allclose(scales.scale[-n_y:][:2], [0.05, 1.0], rtol=1e-6)  # m/s^2, m/s
+
+
+def test_samples_without_a_number_teach_nothing() -> None:
+    gap = cruise(10.0, 1000.0)
+    gap.channels["speed"][:] = np.nan
+    what = coverage.measure_driven([gap, cruise(20.0, 1000.0)])
+    assert np.isfinite(what.samples).all() and not covered(what, 10.0, 1000.0)

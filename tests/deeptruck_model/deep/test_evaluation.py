@@ -166,3 +166,22 @@ def test_one_standstill_is_like_another_and_known_by_none(truck, drive):
     known = truck.with_details({KEY: [speed_hash(r) for r in (standing, recording)]})
     assert trained_on(known, [standing]) == []
     assert trained_on(known, [recording]) == [recording.name]
+
+
+def test_another_truck_by_the_intervals_it_leaves(truck, drive):
+    recording = drive(200)
+    little = {**ENOUGH, "speed": {"inside_90": 0.4}}
+    (line,) = remarks(truck, [recording], little)
+    assert "40 %" in line
+
+
+def test_runs_shorter_than_asked_for(truck, drive):
+    metrics = {**ENOUGH, "horizon_s": 39.9, "dt": 0.1}
+    assert len(remarks(truck, [drive(600, seed=4)], metrics, 5000.0)) == 1
+    assert remarks(truck, [drive(600, seed=4)], {**metrics, "horizon_s": 40.0}, 40.04) == []
+
+
+def test_an_uncalibrated_truck_says_so(truck):
+    bare = DeepTruck(truck.network, truck.interface)
+    with pytest.raises(InputError, match="no calibrated intervals"):
+        bare.predict(np.zeros((1, 5, 2)), np.zeros((1, 5, 1)), np.zeros((1, 3)))

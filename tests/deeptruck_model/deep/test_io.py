@@ -122,3 +122,11 @@ def test_no_more_than_an_hour_is_kept(drive, tmp_path, monkeypatch):
     monkeypatch.setattr(io, "MOST_S", 30.0)
     io.save_reference([drive(20), drive(20), drive(20)], tmp_path)
     assert sum(len(r) * r.dt for r in io.load_reference(tmp_path)) == pytest.approx(30.0, abs=0.2)
+
+
+def test_channels_of_a_users_own_are_not_kept(drive, tmp_path):
+    kept = drive(60)
+    own = replace(kept, channels=kept.channels | {"oil_temperature": np.full(len(kept), 90.0)})
+    io.save_reference([own], tmp_path)
+    (again,) = io.load_reference(tmp_path)
+    assert set(again.channels) == set(kept.channels)

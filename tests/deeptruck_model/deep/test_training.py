@@ -11,8 +11,7 @@ import torch
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model import trucks
-from deeptruck_model.deep import finished, resume, statistics, train, training, trials
-from deeptruck_model.deep.arguments import Arguments
+from deeptruck_model.deep import Arguments, finished, resume, statistics, train, training, trials
 from deeptruck_model.deep.network import WEIGHTS
 from deeptruck_model.deep.training import DivergedError
 
@@ -178,3 +177,39 @@ def test_weights_that_overflow_are_a_divergence(drive, small, tmp_path):
 def test_a_value_that_no_run_can_have_is_refused(wrong: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         Arguments(**wrong)
+
+
+def test_resume_refuses_another_run(drive, small, tmp_path, monkeypatch):
+    def killed(*everything):
+        original(*everything)
+        raise KeyboardInterrupt
+
+    original = resume.save
+    monkeypatch.setattr(training.resume, "save", killed)
+    with pytest.raises(KeyboardInterrupt):
+        train([drive(60)], tmp_path / "sim", small)
+    monkeypatch.undo()
+    with pytest.raises(InputError, match=r"another run \(seed was 0, given 5\)"):
+        train([drive(60)], tmp_path / "sim", replace(small, seed=5), resumes=True)
+    with pytest.raises(InputError, match=r"another run \(the recordings were others\)"):
+        train([drive(60, seed=1)], tmp_path / "sim", small, resumes=True)
+    (tmp_path / ".sim.unfinished" / resume.FILE).write_bytes(b"half")
+    with pytest.raises(InputError, match="damaged"):
+        train([drive(60)], tmp_path / "sim", small, resumes=True)
+
+
+def test_a_gradient_that_is_not_finite_is_skipped(drive, small, tmp_path, monkeypatch):
+    gradient, calls = training.loss.gradient, []
+
+    def sometimes(network, *rest):
+        losses = gradient(network, *rest)
+        calls.append(1)
+        if len(calls) % 7 == 0:
+            network.input.grad[0, 0, 0] = np.nan
+            network.bias.grad[1] = np.inf
+        return losses
+
+    monkeypatch.setattr(training.loss, "gradient", sometimes)
+    truck = train([drive(120)], tmp_path / "sim", replace(small, updates=60, members=2))
+    assert len(calls) > 2 * 7  # of them two at least were spoilt
+    assert np.isfinite(truck.details["training"]["validation_loss"]).all()

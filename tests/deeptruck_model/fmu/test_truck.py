@@ -15,6 +15,7 @@ from fmpy.validation import validate_fmu
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulator_facts, simulators, trucks
 from deeptruck_model.fmu import export
+from deeptruck_model.fmu.truck import FEWEST
 from deeptruck_model.mismatch import CorrectedTruck
 from deeptruck_model.simulators import Array, protocol_check
 from deeptruck_model.trucks import driving_cycles
@@ -158,3 +159,27 @@ def test_a_simulator_of_somebody_elses_is_not_exported(shuttle: Path, own: str) 
         with pytest.raises(InputError, match="is, or corrects, a simulator that others wrote"):
             export.export(text, Path("never.fmu"))
     assert not Path("never.fmu").exists()
+
+
+def test_old_states_are_gone_on_from_in_more_rows_than_instances(own: str) -> None:
+    truck, rows = simulators.load(own), 2 * FEWEST
+    u, w, y = drive(4.0)
+    u, w, y0 = np.repeat(u, rows, 0), np.repeat(w, rows, 0), np.repeat(y[:, 0], rows, 0)
+    y0[:, 1] += np.arange(rows)
+    state, kept, seen = truck.reset(y0), [], []
+    for k in range(20):
+        kept.append(state)
+        state, now = truck.step(state, u[:, k], w[:, k])
+        seen.append(now)
+    for k in (19, 3, 11):
+        np.testing.assert_array_equal(truck.step(kept[k], u[:, k], w[:, k])[1], seen[k])
+
+
+@FMI
+def test_several_of_its_steps_make_one_of_ours(tmp_path: Path, fmi: int) -> None:
+    file, mapping = pointmass.built(tmp_path, fmi), tmp_path / "map.yaml"
+    u, w, y0 = np.tile([600.0, 0.0], (1, 30, 1)), np.zeros((1, 30, 1)), np.array([[0.0, 12.0]])
+    whole = simulators.free_run(simulators.load(f"fmu:{file}:{mapping}"), u, w, y0).y
+    mapping.write_text(f"{pointmass.MAPPING}step: 0.02\n")
+    parts = simulators.free_run(simulators.load(f"fmu:{file}:{mapping}"), u, w, y0).y
+    np.testing.assert_allclose(parts, whole, atol=1e-9)

@@ -129,3 +129,11 @@ def test_impossible_requests_are_refused() -> None:
         drive(trucks.load("volvo"), seed=1)
     with pytest.raises(InputError, match="span nothing"):
         speed_profile(60.0, seed=1, settings=SpeedSettings(v_min=10.0, v_max=10.0))
+
+
+def test_a_truck_without_a_grade_sensor_records_neither_grade_nor_elevation() -> None:
+    blind = drive(trucks.load("freightliner"), seconds=300.0, seed=4)
+    seeing = drive(trucks.load("freightliner").with_grade_input(), seconds=300.0, seed=4)
+    assert "grade" not in blind.channels
+    assert "elevation" not in blind.channels
+    np.testing.assert_array_equal(blind.y, seeing.y)

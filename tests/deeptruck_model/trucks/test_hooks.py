@@ -96,3 +96,16 @@ def test_a_broken_force_is_refused(force: trucks.Force, says: str) -> None:
     truck = trucks.load("trucksim").with_forces([force])
     with pytest.raises(InputError, match=says):
         truck.step(truck.reset(np.array([[0.0, 15.0]])), np.zeros((1, 2)), np.zeros((1, 1)))
+
+
+def test_force_state_is_copied_with_the_truck_state() -> None:
+    truck = trucks.load("trucksim").with_forces([Push(100.0)])
+    state = truck.reset(np.array([[0.0, 15.0]]))
+    u, w = np.array([[500.0, 0.0]]), np.zeros((1, 1))
+    later, first = truck.step(state, u, w)
+    _, again = truck.step(state, u, w)
+    np.testing.assert_array_equal(first, again)
+    assert isinstance(state.forces[0], Push)
+    assert isinstance(later.forces[0], Push)
+    assert state.forces[0].seconds[0] == 0.0
+    assert later.forces[0].seconds[0] == pytest.approx(0.1)

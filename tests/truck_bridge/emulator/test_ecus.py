@@ -212,3 +212,10 @@ def test_what_an_actuator_gives_at_each_step_of_0_1_s(full, fault, demands, give
     actuator.stuck = 1.0
     actuator.act(80.0, 9.0)
     assert actuator.given == found[-1]
+
+
+def test_mode_0_hands_back_at_once(receiver):
+    receiver.hear(ID, ENGINE.frame(60.0, 0), 1.0)
+    receiver.demand(1.0)
+    receiver.hear(ID, ENGINE.frame(math.nan, 1), 1.02)
+    assert math.isnan(receiver.demand(1.02))

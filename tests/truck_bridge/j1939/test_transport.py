@@ -269,3 +269,10 @@ def test_what_another_implementation_sends_is_heard():
     assert found == {(0xFECA, 0x10, GLOBAL, data), (0xEF00, 0x10, 0x20, data)}
     assert kinds == {16, 17, 19, 32}
     assert not transport.broken
+
+
+def test_a_message_begun_anew_and_one_cut_off_are_counted():
+    transport, frames = Transport(), whole(bytes(30))
+    hear([*frames[:3], *frames[:2], announced(30, source=7)], transport=transport)
+    found = {(b.source, b.why): n for b, n in transport.finish().items()}
+    assert found == {(ENGINE, "begun anew"): 1, (ENGINE, "cut off"): 1, (7, "cut off"): 1}
