@@ -148,6 +148,8 @@ def test_what_others_may_demand_reaches_the_core(vehicle):
             "follows: nothing commands 'motor'",
         ),
         (put("timing", {"stall": math.nan}), "nan is not of type 'number'"),
+        (put("timing", {"assumed": 31.0}), "31.0 is greater than the maximum of 30"),
+        (put("timing", {"fade_longest": 10.5}), "10.5 is greater than the maximum of 10"),
         (put("timing", {"handover_scale": 0.1}), "make it flatter or rate and fade larger"),
         (put("dbc", ["gone.dbc"]), "cannot read"),
     ],

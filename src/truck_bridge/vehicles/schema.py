@@ -80,6 +80,8 @@ FAULTS = {
 }
 TIMING = {  # no truck needs more than five times the core's own, or less than a fifth
     **{name: number(default / 5, 5 * default) for name, default in vars(Timing()).items()},
+    "assumed": number(10, 30),  # to a standstill from 30 m/s, by 3 to 1 m/s^2
+    "fade_longest": number(0.8, 10),  # a driver who is asked takes over within 10 s (UN R157, 5.4)
     "handover_scale": number(0.1, 1),  # 1: rates are never raised
     "releases": whole(1, 20),
 }
