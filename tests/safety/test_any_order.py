@@ -105,7 +105,7 @@ class World(RuleBasedStateMachine):
         self.bench.commanding = on
 
     @rule(bit=st.sampled_from([None, None, True, False]))
-    def controller_believes(self, bit):
+    def controller_takes_for_engaged(self, bit):
         self.bench.engaged_bit = bit
 
     @rule(

@@ -1,4 +1,4 @@
-"""What the core believes of what it hears."""
+"""What the core accepts of what it hears."""
 
 from __future__ import annotations
 
@@ -363,7 +363,7 @@ def test_what_is_not_valid_does_not_end_a_standstill(bench):
 
 
 @pytest.mark.parametrize(("a", "heard"), [(10, True), (4, False), (0xFF, False)])
-def test_a_second_sender_of_a_signal_is_named_and_not_believed(bench, a, heard):
+def test_a_second_sender_of_a_signal_is_named_and_not_accepted(bench, a, heard):
     ears, refusals = hearing(bench)
     ears.take(ID, frame(a=12, b=96), 1.0)
     what = "a from a second sender (0x03)"

@@ -230,7 +230,7 @@ def believing(bench, seconds):
     return bench
 
 
-def test_once_the_hazard_is_believed_no_more_the_truck_rolls_out(bench):
+def test_once_the_hazard_is_assumed_no_more_the_truck_rolls_out(bench):
     bench = believing(bench, 2.0)
     assert bench.run_until(State.FADING, 3.0) == pytest.approx(2.0, abs=2 * CYCLE)
     assert bench.safety.warning == "Take over: control was handed back (first)"
@@ -250,7 +250,7 @@ def test_a_truck_that_stands_by_then_is_held(bench):
     assert bench.safety.state is State.STOPPING
 
 
-def test_no_hazard_is_believed_for_ever(bench):
+def test_no_hazard_is_assumed_for_ever(bench):
     bench = believing(bench, math.inf)
     assert bench.run_until(State.FADING, 25.0) == pytest.approx(bench.table.timing.assumed, abs=2 * CYCLE)
 
@@ -270,7 +270,7 @@ def test_a_controller_that_is_alive_takes_a_hazard_back_and_a_refused_command_do
 
 
 @pytest.mark.parametrize("jump", [-30.0, 30.0])
-def test_a_clock_that_was_set_changes_nothing_of_what_is_believed(bench, jump):
+def test_a_clock_that_was_set_changes_nothing_of_what_is_assumed(bench, jump):
     bench = believing(bench, 3.0)
     bench.run(1.0)
     bench.now += jump

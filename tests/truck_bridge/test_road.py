@@ -138,7 +138,7 @@ def test_a_speed_that_jumps_up_is_refused_before_the_truck_brakes_for_it(monkeyp
     assert "braked without cause" in fault_road.play(21, fault, traffic="steady").broken
 
 
-def test_the_judge_sees_a_bridge_that_believes_what_is_not_sent(monkeypatch):
+def test_the_judge_sees_a_bridge_that_accepts_what_is_not_sent(monkeypatch):
     from truck_bridge.safety import hearing
 
     monkeypatch.setattr(hearing.Hearing, "stale", lambda self, now: [])
