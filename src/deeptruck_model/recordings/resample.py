@@ -33,7 +33,7 @@ from deeptruck_model.recordings.recording import FROM_SPEED, Recording
 from deeptruck_model.recordings.units import metres_per_degree
 
 NO_SPEED = "recorded while there was no speed"
-DERIVED = "derived where there is no speed"
+DERIVED, WITHOUT = "derived where there is no speed", "derived where there is nothing to derive it from"
 JUMPED = "derived where it jumps faster than any truck"
 UNMOVED = "zero while positions move on"
 BURSTS, LARGEST_BURST = 5, 20  # that are seen at least; samples in one
@@ -325,7 +325,8 @@ def count_derived(
     tally.used += int((~none).sum())
     steps = none if speed is None else np.isnan(np.diff(speed, prepend=np.nan))
     steps[:1] = steps[1:2]  # the first repeats the second
-    for reason, these in ((DERIVED, none & steps), (JUMPED, none & ~steps)):
+    missing = DERIVED if speed is not None else WITHOUT
+    for reason, these in ((missing, none & steps), (JUMPED, none & ~steps)):
         tally.set_aside(reason, f"at {moment(start + dt * int(np.argmax(these)))}", int(these.sum()))
 
 

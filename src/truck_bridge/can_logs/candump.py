@@ -12,15 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from deeptruck_core.account import Account
-from truck_bridge.can_logs.frames import (
-    ERROR_FLAG,
-    EXTENDED_FLAG,
-    EXTENDED_MASK,
-    REMOTE_FLAG,
-    STANDARD_MASK,
-    Frame,
-    Kind,
-)
+from truck_bridge.can_logs.frames import STANDARD_MASK, Frame, Kind, of_raw
 from truck_bridge.can_logs.lines import NO_FRAME, is_cut, lines_of, set_aside_cut
 from truck_bridge.errors import InputError
 
@@ -105,14 +97,7 @@ def _identified(time: float, channel: str, digits: str) -> Frame | None:
     raw = int(digits, 16)
     if len(digits) <= STANDARD_DIGITS:
         return Frame(time, raw, b"", channel, False) if raw <= STANDARD_MASK else None
-    if raw <= EXTENDED_MASK:
-        return Frame(time, raw, b"", channel)
-    kind = (
-        Kind.ERROR if raw & ERROR_FLAG
-        else Kind.REMOTE if raw & REMOTE_FLAG and raw & EXTENDED_FLAG
-        else Kind.DATA
-    )  # fmt: skip
-    return Frame(time, raw & EXTENDED_MASK, b"", channel, kind=kind)
+    return of_raw(time, raw, b"", channel, extended=True)
 
 
 def _seconds(text: str) -> float:

@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from deeptruck_core.account import Account
 from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.reading import plain
@@ -203,7 +204,8 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
         table = widened(table, *pivot, time)
     for begin, known in WRITERS.items():
         units |= known if {*begin} <= table.columns.keys() else {}
-    table = table.with_units(units)
+    columns = {name: replace(c, below=units.get(name, "")) for name, c in table.columns.items()}
+    table = replace(table, columns=columns)
     key = key_of(table, [column.values for column in table.numeric if "speed" in column.header.words])
     if key is not None:
         table = only(table, {key.column: key.values[0]})
@@ -238,7 +240,8 @@ def _clock(table: Table) -> tuple[Clock | None, str, Array]:
     refused = ""
     for place, (clock, why) in enumerate(clocks_of(table)):
         try:
-            kept, time, _ = timed(without_copies(table.counted_anew(), clock.columns), clock)
+            tried = replace(table, account=Account(str(table.path), "rows"))
+            kept, time, _ = timed(without_copies(tried, clock.columns), clock)
         except InputError as error:
             refused = refused or str(error).removeprefix(f"{table.path}: ")
             continue

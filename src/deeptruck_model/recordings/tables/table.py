@@ -94,15 +94,6 @@ class Table:
         """The columns of numbers."""
         return [column for column in self.columns.values() if column.is_numbers]
 
-    def counted_anew(self) -> Table:
-        """The table with an account of its own."""
-        return replace(self, account=Account(str(self.path), "rows"))
-
-    def with_units(self, units: Mapping[str, str]) -> Table:
-        """The table with units that the file states elsewhere than at its columns."""
-        columns = {name: replace(c, below=units.get(name, "")) for name, c in self.columns.items()}
-        return replace(self, columns=columns)
-
     def take(self, rows: NDArray[np.int64]) -> Table:
         """The table with these of its rows, in this order."""
         columns = {name: column.take(rows) for name, column in self.columns.items()}

@@ -272,6 +272,8 @@ TABLES = {
     "units behind the numbers, proposed": Table(
         {"t": T, "v": [f"{x} kilometer_per_hour" for x in V]}, None,
             proposes={"speed": column("v", unit="km/h")}),
+    "a unit that changes in the cells": Table(
+        {**D, "v": [f"{x} km/h" if k < 300 else f"{x / 1.609344:.4f} mph" for k, x in enumerate(V)]}),
     "a unit of another quantity": Table(
         {"gas [%]" if n == "gas" else n: x for n, x in D.items()}, of("engine_command", "gas [%]", "N m"),
         says=("engine_command is taken in N m, but 'gas [%]' states %",)),
