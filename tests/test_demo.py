@@ -75,8 +75,9 @@ def test_a_step_that_fails_says_why_and_ends_the_others(
     monkeypatch.setattr(runner, "FAREWELL_S", 240.0)  # a busy machine gives the other its time too
     ended, begun = tmp_path / "ended", tmp_path / "begun"
     waits = f"""
-import time
+import signal, time
 from pathlib import Path
+signal.signal(signal.SIGINT, signal.default_int_handler)  # as at a terminal, wherever this test runs
 try:
     Path({str(begun)!r}).touch()  # no file object, of which the end would swallow the interrupt
     time.sleep(240)
