@@ -126,6 +126,18 @@ def test_on_a_truck_that_was_never_measured_the_engine_is_not_switched_on_and_of
     assert np.abs(np.diff(engines[10:])).max() < 0.3 and gap / speed > 2.05
 
 
+@pytest.mark.parametrize(("factor", "speed"), [(-0.03, 20.6), (0.03, 20.0)])
+def test_of_the_measured_speed_and_that_of_the_true_wheels_the_higher_one_counts(
+    factor: float, speed: float
+) -> None:
+    driver = load_controller("baseline:cacc", TRUCK)
+    commands(driver)
+    driver._tracker.own_speed_factor = np.array([factor])
+    commands(driver, gap=np.nan)
+    assert driver.shield is not None
+    assert driver.shield._truck.speed[0] == pytest.approx(speed + driver.shield.assumed.speed_error)
+
+
 def test_outside_its_coverage_the_fallback_drives() -> None:
     driver = load_controller("baseline:cacc", TRUCK)
     driver.coverage = {"grade": (-0.01, 0.01)}

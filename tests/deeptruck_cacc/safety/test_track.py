@@ -281,6 +281,16 @@ def test_what_the_objects_need_goes_on_as_they_were_seen_to() -> None:
     assert braking.needed_braking(2.0)[0] == pytest.approx(needs, rel=0.05)
 
 
+def test_a_leader_that_slows_gently_is_stopped_behind_too() -> None:
+    """By 0.8 m/s^2, and as fast as the truck: one that keeps its speed would need no braking."""
+    tracker = settled()
+    fed(tracker, [(40.0 - 0.004 * k**2, 20.0 - 0.08 * k, 20.0 - 0.08 * k) for k in range(20)])
+    rate, own, gap = float(tracker.objects.rate[0, 0]), 20.0 - 0.08 * 19, float(tracker.objects.gap[0, 0])
+    assert rate == pytest.approx(-0.8, abs=0.05)
+    needs = own**2 / 2 / (gap - 2.0 + own**2 / 2 / -rate)
+    assert tracker.needed_braking(2.0)[0] == pytest.approx(needs, rel=0.05)
+
+
 def test_the_page_states_each_time_of_the_tracker() -> None:
     page = (Path(__file__).parents[3] / "docs" / "cacc_shield.md").read_text()
     stated = {name: float(value) for name, value in re.findall(r"`(\w+_s)` ([\d.]+)(?=[, |])", page)}
