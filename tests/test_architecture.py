@@ -122,7 +122,7 @@ def test_the_safety_core_stands_alone() -> None:
 FLOOR = tuple(
     f"deeptruck_model.{name}"
     for name in (
-        "calls", "results", "simulator_facts",
+        "calls", "results", "manifest",
         "recordings.tables.table", "recordings.tables.table_file", "recordings.tables.csv_text",
         "recordings.tables.column",
         "recordings.words", "recordings.units", "recordings.ranges",
@@ -163,12 +163,14 @@ def test_the_floor_imports_no_room() -> None:
         for other in imports()[name]
         if within(name, *floor) and within(other, *OURS) and not within(other, *floor)
     }
-    assert above == {("deeptruck_model.simulator_facts", "deeptruck_model.trucks.specification")}
+    assert not above
 
 
 MODEL = (  # the rooms of docs/architecture.md: a row imports from itself and the rows above
     ("simulators",),
-    ("trucks", "recordings"),
+    ("recordings",),
+    ("trucks",),
+    ("simulator_facts",),
     ("deep", "fmu", "mismatch"),
     ("fleet",),
     ("cli",),

@@ -12,6 +12,7 @@ import pytest
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulator_facts as facts
 from deeptruck_model import simulators, trucks
+from deeptruck_model.manifest import MANIFEST
 
 
 def test_simulators_tell_what_they_are(tmp_path: Path) -> None:
@@ -53,7 +54,7 @@ def test_a_simulator_that_cannot_be_used_is_one_line(tmp_path: Path, text: str, 
     for name, manifest in content.items():
         (tmp_path / name).mkdir()
         if manifest is not None:
-            (tmp_path / name / facts.MANIFEST).write_text(manifest)
+            (tmp_path / name / MANIFEST).write_text(manifest)
     with pytest.raises(InputError, match=says) as caught:
         facts.simulator(text.format(dir=tmp_path))
     assert "\n" not in str(caught.value)

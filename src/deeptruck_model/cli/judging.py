@@ -57,7 +57,7 @@ def evaluate(
         recordings = read(bags, topic_map, clock, msg)
         from deeptruck_model import simulators
         from deeptruck_model.deep import evaluate as evaluate_simulator
-        from deeptruck_model.recordings.consistency import gears
+        from deeptruck_model.trucks import gears
 
         truck = simulators.load(simulator)
         said = gears.other_truck(truck, recordings)

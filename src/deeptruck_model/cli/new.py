@@ -78,10 +78,9 @@ def new(
     if source is None and not sys.stdin.isatty():
         raise InputError("there is no terminal to ask at; give the data sheet by --from FILE.yaml")
     from deeptruck_model.recordings import read_all
-    from deeptruck_model.recordings.consistency import gears
     from deeptruck_model.recordings.consistency.sensors import steady_ratios
     from deeptruck_model.recordings.several import check_fit
-    from deeptruck_model.trucks import own_truck
+    from deeptruck_model.trucks import gears, own_truck
 
     drives = read_all(bags, topic_map=topic_map, clock=clock, msg=msg or ()) if bags else []
     data = {} if source is None else dict(reading.yaml_mapping(source, "give a data sheet"))
@@ -126,8 +125,7 @@ def _asked(drives: list[Recording], units: dict[str, Any]) -> dict[str, Any]:
 
     An unusable answer is asked again.
     """
-    from deeptruck_model.recordings.consistency import gears
-    from deeptruck_model.trucks import own_truck
+    from deeptruck_model.trucks import gears, own_truck
     from deeptruck_model.trucks.specification import from_pool
 
     entries = {entry.name: entry for entry in own_truck.NUMBERS}

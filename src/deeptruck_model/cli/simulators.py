@@ -141,7 +141,7 @@ def calibrate_truck(
         raise InputError(f"{truck} is no physics truck; 'deeptruck-model mismatch' refits other simulators")
     with progress("reading") as say:
         from deeptruck_model.mismatch.correction.calibration import calibrate
-        from deeptruck_model.recordings.consistency import gears
+        from deeptruck_model.trucks import gears
 
         fit, held = (
             rec.read_all(

@@ -25,15 +25,15 @@ from safetensors.torch import save as to_bytes
 from deeptruck_core import reading
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import CHANNELS, TruckInterface
-from deeptruck_model import simulator_facts as facts
 from deeptruck_model.deep.coverage import Coverage, Driven
 from deeptruck_model.deep.data import Scales
 from deeptruck_model.deep.network import WEIGHTS, Shape, TruckNetwork
+from deeptruck_model.manifest import MANIFEST
+from deeptruck_model.manifest import WEIGHTS as WEIGHTS_FILE
 from deeptruck_model.recordings import Recording
 from deeptruck_model.results import DEEP_TRUCK
-from deeptruck_model.simulator_facts import MANIFEST
 
-WEIGHTS_FILE, COVERAGE_FILE, METRICS_FILE = facts.WEIGHTS, "coverage.json", "metrics.json"
+COVERAGE_FILE, METRICS_FILE = "coverage.json", "metrics.json"
 REFERENCE_FILE, DRIVEN_FILE = "reference.safetensors", "driven.safetensors"
 SCHEMA = 2
 RENAMED = {"taught": "auxiliary", "teach": "auxiliary", "untaught": "unexcited"}  # keys of schema 1

@@ -13,8 +13,8 @@ from pathlib import Path
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulators
+from deeptruck_model.manifest import MANIFEST, manifest
 from deeptruck_model.outside.truck import KIND
-from deeptruck_model.simulator_facts import MANIFEST, manifest
 
 SCRIPT, FOLDER = "deeptruck_slave.py", "simulator"
 

@@ -14,7 +14,7 @@ import yaml
 from deeptruck_core.errors import InputError
 from deeptruck_core.reading import parse_yaml, typed
 from deeptruck_core.signals import TruckInterface
-from deeptruck_model.simulator_facts import MANIFEST
+from deeptruck_model.manifest import MANIFEST
 
 METADATA = "metadata.yaml"  # what a rosbag2 folder says of itself; without one the bag is not finished
 EXTRA_KEY = "deeptruck.extra"  # names of the channels on /extra

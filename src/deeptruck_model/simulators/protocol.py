@@ -18,8 +18,8 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.imports.entry_points import registered
 from deeptruck_core.signals import TruckInterface
 from deeptruck_model import calls
-from deeptruck_model.simulator_facts import KINDS, SCHEMES
-from deeptruck_model.simulator_facts import manifest as read_manifest
+from deeptruck_model.manifest import KINDS, SCHEMES
+from deeptruck_model.manifest import manifest as read_manifest
 
 
 class MinimalSimulator(Protocol):
@@ -97,7 +97,7 @@ def load(path: str | Path) -> Simulator:
     `fmu:MODEL.fmu[:mapping.yaml]` for an FMU.
 
     Loaders of directories and of schemes before a colon are registered by entry points of installed packages:
-    `facts.KINDS` and SCHEMES. This module knows none of them.
+    `manifest.KINDS` and SCHEMES. This module knows none of them.
 
     Raises InputError if there is no such truck, the directory has no manifest, or a file is damaged.
     """

@@ -11,6 +11,7 @@ import pytest
 from deeptruck_core.errors import InputError
 from deeptruck_model import simulator_facts as facts
 from deeptruck_model import simulators
+from deeptruck_model.manifest import MANIFEST
 from deeptruck_model.mismatch import CorrectedTruck
 from deeptruck_model.mismatch.correction.corrected_truck import Term
 from deeptruck_model.mismatch.mechanisms import variant
@@ -87,7 +88,7 @@ def test_what_has_changed_since_is_not_loaded_until_it_is_accepted(
 def test_a_folder_that_tells_nothing_usable_is_one_line(
     corrected: Path, change: dict[str, object], says: str
 ) -> None:
-    file = corrected / "base" / facts.MANIFEST
+    file = corrected / "base" / MANIFEST
     file.write_text(json.dumps(json.loads(file.read_text()) | change))
     with pytest.raises(InputError, match=says) as caught:
         simulators.load(corrected)
@@ -99,4 +100,4 @@ def test_an_object_that_nobody_can_make_again_is_named(shuttle: Path) -> None:
     CorrectedTruck(inner, [], {}, None, False).save(Path("lone"))
     with pytest.raises(InputError, match=r"an object of shuttle_\w+\.Shuttle, .* write a factory for it"):
         simulators.load("lone")
-    assert [file.name for file in Path("lone/base").iterdir()] == [facts.MANIFEST]
+    assert [file.name for file in Path("lone/base").iterdir()] == [MANIFEST]

@@ -19,6 +19,7 @@ from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface
 from deeptruck_core.terminal import console
 from deeptruck_model import simulator_facts as facts
+from deeptruck_model.manifest import by_scheme
 from deeptruck_model.recordings import bag_facts
 from deeptruck_model.results import apart
 from deeptruck_nodes import environment, leaders, page_server, parameters, roads
@@ -137,7 +138,7 @@ def _compile(truck: str) -> None:
 
 def _absolute(simulator: str) -> str:
     """The simulator's name for the nodes, which start in the working directory of this program."""
-    return simulator if facts.by_scheme(simulator) else str(Path(simulator).absolute())
+    return simulator if by_scheme(simulator) else str(Path(simulator).absolute())
 
 
 def _controller(policy: str, interface: TruckInterface) -> dict[str, Any]:

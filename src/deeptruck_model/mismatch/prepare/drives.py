@@ -36,12 +36,13 @@ from deeptruck_model.mismatch.prepare.sensors import (
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.compatibility import how_without
-from deeptruck_model.recordings.consistency import gears, sensors
+from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.grade import felt_slope
 from deeptruck_model.recordings.not_recorded import not_recorded as lacking
 from deeptruck_model.recordings.not_recorded import unrecorded_braking
 from deeptruck_model.recordings.splits import refuse_shared
 from deeptruck_model.simulators import Simulator
+from deeptruck_model.trucks import gears
 
 SAME_DRIVES = (
     "few recordings and no other held out: the last 30 % of each was set aside, "

@@ -17,7 +17,7 @@ from deeptruck_model.recordings.consistency.sensors import (
 )
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.simulators import Simulator
-from deeptruck_model.trucks import PhysicsTruck
+from deeptruck_model.trucks.truck import PhysicsTruck
 
 NEAR = 0.04  # of a ratio: worn tyres turn up to 3 % faster
 TIED = 0.02  # of the share, by which two factors do not differ

@@ -9,8 +9,7 @@ import pytest
 from deeptruck_core.errors import InputError
 from deeptruck_model import trucks
 from deeptruck_model.recordings import Recording
-from deeptruck_model.recordings.consistency import gears
-from deeptruck_model.trucks import driving_cycles
+from deeptruck_model.trucks import driving_cycles, gears
 
 
 @pytest.fixture(scope="module")
