@@ -55,10 +55,10 @@ from deeptruck_model.recordings.words import (
 LOOKED_AT = 100_000  # rows by which the clock is found and columns are compared
 # below minus this part of the largest value, in more of the rows: it brakes
 SIGNED, SIGNED_SHARE = 0.02, 0.002
-# columns by which the writer of a table is known, and the units that it documents
+# the first columns, by which the writer of a table is known, and the units that it documents
 WRITERS: dict[tuple[str, ...], dict[str, str]] = {
     ("recording", "time"): {name: channel.unit for name, channel in CHANNELS.items()},  # `table` wrote it
-    ("timestep_time", "vehicle_id"): {  # SUMO's trajectories, by its xml2csv
+    ("timestep_time", "vehicle_angle"): {  # SUMO's trajectories, by its xml2csv
         "vehicle_speed": "m/s",
         "vehicle_acceleration": "m/s^2",
         "vehicle_slope": "deg",
@@ -203,7 +203,7 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
         time = [name for name, column in table.columns.items() if column.header.words & TIME][:1]
         table = widened(table, *pivot, time)
     for begin, known in WRITERS.items():
-        units |= known if {*begin} <= table.columns.keys() else {}
+        units |= known if (*table.columns,)[: len(begin)] == begin else {}
     columns = {name: replace(c, below=units.get(name, "")) for name, c in table.columns.items()}
     table = replace(table, columns=columns)
     key = key_of(table, [column.values for column in table.numeric if "speed" in column.header.words])
