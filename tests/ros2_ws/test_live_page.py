@@ -114,7 +114,7 @@ def test_a_viewer_sees_the_drive_who_drives_and_what_happened(
     page.wait(sees("now-speed", "12.0 m/s"))
     assert page.text("now-engine_command") == "– (700.0 N m, 4 s ago)" and "(4 s ago)" in page.text("drives")
     page.call("Page.reload")
-    page.wait(sees("now-gap", "41.3 m, 4 s ago"))  # the last minute comes again
+    page.wait(sees("now-gap", "41.3 m, 4 s ago"))  # the last minute is shown again
     run.drive(range(44, 46), speed=15.0, engaged=-1.0, gap=float("nan"))
     run.view.report(45 * SECOND, "can_bridge", "error", "the controller is silent: stopping", engaged)
     run.view.publish()
