@@ -72,6 +72,13 @@ def test_a_leader_is_lost_after_the_same_time_whatever_the_rate_of_the_radar(per
     assert math.isnan(following.held[0])
 
 
+def test_before_anything_was_seen_the_driver_is_not_warned_of_it() -> None:
+    """The guard brakes fully until then, by a command that is not sent."""
+    following = Following(load_controller("baseline:acc", load("trucksim").interface), 2.0, 3.0)
+    following.take(Observation(SECOND, 20.0, math.nan, math.nan, 0.0))
+    assert math.isnan(following.held[1]) and following.needed_braking == 0.0
+
+
 def drive(
     truck: PhysicsTruck, leader: str, seconds: float, every: int = 1, errors: RadarErrors = NOISY
 ) -> tuple[list[float], list[float]]:

@@ -132,8 +132,9 @@ class Following:
         return float(engine[0]), float(brake[0])
 
     def _braking_by(self, command: float) -> float:
-        """The most that a brake command gives on the level, m/s^2; 0 where nothing is known of the brakes."""
-        if self._guard.shield is None:
+        """The most that a brake command gives on the level, m/s^2; 0 where nothing is known of the brakes, or
+        where there is nothing to follow, so that it is not sent."""
+        if self._guard.shield is None or not self.leads:
             return 0.0
         p = self._guard.shield.assumed
         share = min(command / self._brake_high, p.limit_share)
