@@ -106,8 +106,8 @@ def test_what_is_refused_before_anything_starts(
 def test_what_a_node_refuses_ends_the_run_with_its_line(
     start: Callable[..., Any], tmp_path: Path, words: tuple[object, ...], who: str, says: str
 ) -> None:
-    code, _, errors = start(*words, "--record", tmp_path / "bag").finish()
-    assert code == 2 and errors.count("\n") == 1
+    code, said, errors = start(*words, "--record", tmp_path / "bag").finish()
+    assert code == 2 and errors.count("\n") == 1 and says not in said
     assert errors.startswith(f"{who} ended (exit code 2): ") and says in errors
     assert not (tmp_path / "bag").exists()
 

@@ -184,7 +184,10 @@ class Supervisor:
                 self.why = f"{child.program.name} has finished"
                 return 0
             self.why = f"{child.program.name} failed"
-            return _complain(child.how_it_ended(code), 2 if code == 2 else 1)
+            if code != 2:
+                return _complain(child.how_it_ended(code))
+            child.repeated = child.log.stat().st_size  # its one line is in the complaint
+            return _complain(child.how_it_ended(code), code)
         return None
 
     def _end(self) -> None:
