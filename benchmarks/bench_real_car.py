@@ -265,16 +265,7 @@ that the sensor is right. Named: in the first line, with its share of the square
 held-out half: as given -> corrected -> what is offered."""
 BELOW = """A correction is not offered where it is no better along the held-out half, or where without the
 accelerometer it is worse than the simulator as given. Settings of noise for learned simulators were chosen
-on A04 and A13.
-
-A trip by hand:
-
-```bash
-deeptruck-model import TripA01.csv --columns layouts/columns/bmw_i3.yaml --out bags/A01
-deeptruck-model import TripA11.csv --columns layouts/columns/bmw_i3.yaml --out bags/A11
-deeptruck-model train bags/A11 --out simulators/i3 --members 3
-deeptruck-model evaluate simulators/i3 bags/A01 --out evaluation
-```"""
+on A04 and A13."""
 
 
 if __name__ == "__main__":

@@ -175,7 +175,7 @@ MODEL = (  # the rooms of docs/architecture.md: a row imports from itself and th
     ("fleet",),
     ("cli",),
 )
-MISMATCH = (  # the rooms of docs/mismatch_method.md, each of which makes one value of what is above it
+MISMATCH = (  # the rooms of docs/architecture.md, each of which makes one value of what is above it
     ("mismatch.rules", "mismatch.folders"),
     ("mismatch.prepare",),
     ("mismatch.residual",),

@@ -249,10 +249,10 @@ def paths() -> set[str]:
 def test_the_source_that_pages_name_is_there(page: Path) -> None:
     prose = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
     named = set(re.findall(r"`([\w./-]+\.(?:py|js|jinja|dbc))`", prose))
-    if page.stem in ("architecture", "mismatch_method"):  # rooms and steps, in the first column of a table
+    if page.stem == "architecture":  # rooms, in the first column of a table
         rows = re.findall(r"^\| (`.*?) \|", prose, re.M)
-        steps = {file for row in rows for file in re.findall(r"`([a-z_]+/[\w/]*)`", row)}
-        named |= {file.rstrip("/") if file.endswith("/") else f"{file}.py" for file in steps}
+        rooms = {file for row in rows for file in re.findall(r"`([a-z_]+/[\w/]*)`", row)}
+        named |= {file.rstrip("/") if file.endswith("/") else f"{file}.py" for file in rooms}
         assert len(named) > 10
     assert not {file for file in named if not any(f"/{path}".endswith(f"/{file}") for path in paths())}
 
