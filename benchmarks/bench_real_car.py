@@ -254,18 +254,15 @@ which they have not seen; speed error at the end. Five numbers: gains of pulling
 resistance of 1, v and v², by least squares on the same trips. A hard stop has a second beyond
 {HARD:g} m/s², where the friction brake, which is not recorded, adds to the motor's. A drive's own slope
 contains its own dv/dt where that changes within 50 m; the last row takes the slope of another trip on the
-same road, found by spans of {NEAR_M / 1000:g} km whose slopes correlate by {LEAST_ALIKE:g} or better
-(chosen after 2 and 4 km had been seen)."""
+same road, found by spans of {NEAR_M / 1000:g} km (chosen after 2 and 4 km had been seen)."""
 SINCE_START = """With the accelerometer's slope, without hard stops, by the distance driven before; a positive
-error is a simulator that is too fast. A cold car rolls worse, and no channel says how warm it is."""
+error is a simulator that is too fast."""
 MIDDLE = """Slope, heights and positions are withheld; the tool has the accelerometer and a simulator without
 slope. The first half of a trip is fitted, the second held out. Correlation: 10 s means of the force named
-road_grade with the slope of the drive's own accelerometer, which shows that the force is that slope, not
-that the sensor is right. Named: in the first line, with its share of the squared error. Free runs along the
-held-out half: as given -> corrected -> what is offered."""
-BELOW = """A correction is not offered where it is no better along the held-out half, or where without the
-accelerometer it is worse than the simulator as given. Settings of noise for learned simulators were chosen
-on A04 and A13."""
+road_grade with the slope of the drive's own accelerometer, not with the true one. Named: in the first line,
+with its share of the squared error. Free runs along the held-out half: as given -> corrected -> what is
+offered."""
+BELOW = "Settings of noise for learned simulators were chosen on A04 and A13."
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ def tables() -> dict[tuple[str, str], str]:
     return {
         ("mismatch_rules.md", "rules"): table("rule | value | unit | means | source", rule_rows()),
         ("mismatch_effects.md", "effects"): table(
-            "effect | family | equation | varies with | needs | source | would be separated by", effect_rows()
+            "effect | family | equation | needs | source | would be separated by", effect_rows()
         ),
         ("topics.md", "topics"): table("topic | type | rate | content", map(topic_row, TOPICS.values())),
         ("parameters.md", "parameters"): "\n\n".join(map(node_section, parameters.schema())),
@@ -72,16 +72,14 @@ def effect_rows() -> Iterator[str]:
     """Every name that a finding can have: mechanisms, sensor faults, parameters, unknown."""
     for m in LIBRARY.values():
         name = f"`{m.effect}`{' (measurement)' * (m.kind == 'measurement_fault')}"
-        yield row(
-            name, m.family, m.equation, ", ".join(m.depends_on), ", ".join(m.needs), m.source, m.manoeuvre
-        )
+        yield row(name, m.family, m.equation, ", ".join(m.needs), m.source, m.manoeuvre)
     for f in SENSOR_ERRORS.values():
-        how = ("speed, acceleration", f.needs, "kinematics", "move the truck by a known distance")
+        how = (f.needs, "kinematics", "move the truck by a known distance")
         yield row(f"`{f.name}` (measurement)", f.family, f.equation, *how)
     for p in PARAMETER_ERRORS.values():
-        how = ("always", "engine, brake, speed", "definition", p.manoeuvre)
+        how = ("engine, brake, speed", "definition", p.manoeuvre)
         yield row(f"`{p.name}` (parameter)", p.family, f"{p.says}; {p.unit}", *how)
-    yield row("`unknown`", "", "F follows none of these", "", "any", "", "vary one signal alone")
+    yield row("`unknown`", "", "F follows none of these", "any", "", "vary one signal alone")
 
 
 def row(*cells: str) -> str:
