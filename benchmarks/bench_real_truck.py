@@ -165,13 +165,11 @@ OF_LOGS = """The logs of [recordings](../recordings.md), which are no part of th
 `deeptruck-model import` takes them: with a file of `layouts/columns`, or as they are. Import counts what it
 sets aside with the reason. Doubts: channels that contradict one another."""
 HEADS = " | 15 s: rms | median | pulling: rms | 60 s: rms | median | pulling: rms"
-ABOVE = """A heavy diesel on the road, 1 Hz, fuel rate as engine command, grade
-from the elevation. The first half of the log trains. Free runs on the second start every 20 s wherever
-the next 15 or 60 s can be explained. Speed error at the end of the run, m/s; *pulling* are the runs with fuel
-above 0.5 g/s and speed above 6 m/s throughout."""
-BELOW = """Braking is not recorded. {share:.1f} % of the second half slows by more than 0.6 m/s² beyond the
-grade, which no input explains; those rows end a run. Softer braking stays in: it is part of every error
-above, and no model that sees fuel and grade alone can know of it."""
+ABOVE = """A heavy diesel on the road, 1 Hz, fuel rate as engine command, grade from the elevation. The first
+half of the log trains. Free runs on the second start every 20 s. Speed error at the end, m/s; *pulling*: runs
+with fuel above 0.5 g/s and speed above 6 m/s throughout."""
+BELOW = """Braking is not recorded. Rows that slow by more than 0.6 m/s² beyond the grade ({share:.1f} % of
+the second half) end a run; softer braking is part of every error above."""
 
 
 if __name__ == "__main__":
