@@ -122,11 +122,11 @@ def table(found: Decoding) -> Iterator[str]:
     if found.reference_torque == found.reference_torque:
         yield f"engine reference torque {found.reference_torque:g} N m (SPN 544)"
     yield from faults.lines(found.faults, found.numbers, found.unreadable, found.start)
-    yield f"{'signal':<38}{'source':>6}{'SPN':>7}{'valid':>8}{'Hz':>7}{'from':>11}{'to':>11} unit   invalid"
+    yield f"{'signal':<38}{'source':>6}{'SPN':>7}{'valid':>8}{'Hz':>7}{'from':>13}{'to':>13} unit   invalid"
     for key in keys:
         times, values = found.series.get(key, (array("d"), array("d")))
         reasons = ", ".join(f"{count} {why}" for why, count in found.invalid.get(key, {}).items())
-        span = f"{min(values):>11.6g}{max(values):>11.6g}" if values else f"{'-':>11}{'-':>11}"
+        span = f"{min(values):>13.6g}{max(values):>13.6g}" if values else f"{'-':>13}{'-':>13}"
         rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 and times[-1] > times[0] else 0.0
         signal = found.signal(key)
         name = f"{key[0]}.{key[1]}"
