@@ -219,14 +219,13 @@ def page(found: Mapping[str, Any], maps: bytes, channels: bytes, units: str = "m
 
 
 def _account(account: dict[str, Any]) -> Table:
-    """The account of one source: used and omitted samples."""
-    rows = [
-        (what, str(tally["read"]), str(tally["used"]), "", "")
-        for what, tally in ((account["items"], account), *account["channels"].items())
-    ]
+    """The account of one source: used and omitted samples, of the channels that it has."""
+    recorded = [(what, tally) for what, tally in account["channels"].items() if tally["read"]]
+    counted = [(account["items"], account), *recorded]
+    rows = [(what, str(tally["read"]), str(tally["used"]), "", "") for what, tally in counted]
     asides = [
         (f"{what}: {reason}", "", "", str(entry["count"]), entry["first"])
-        for what, tally in ((account["items"], account), *account["channels"].items())
+        for what, tally in counted
         for reason, entry in tally["set_aside"].items()
     ]
     remarks = [(remark, "", "", "", "") for remark in account["remarks"]]

@@ -10,7 +10,7 @@ import pytest
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import TruckInterface, sensible
-from deeptruck_model.recordings import Recording, Series, coverage, uniform
+from deeptruck_model.recordings import Recording, Series, coverage, read, uniform, write_bag
 from deeptruck_model.recordings.coverage_map import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES, judgement
 
 
@@ -105,6 +105,17 @@ def test_the_account_of_each_source_is_written_once_and_shown(
         and "gap: outside 0..500 m" in page
         and "at 0.5 s (2400)" in page
     )
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_channel_that_a_bag_does_not_have_has_no_row(tmp_path: Path) -> None:
+    drive = steady(13.0, 0.0, 0.01, 600)
+    write_bag(tmp_path / "bag", [drive], interface=drive.interface)
+    coverage(read(tmp_path / "bag")).save(tmp_path / "out")
+    (account,) = json.loads((tmp_path / "out" / "coverage.json").read_text())["accounts"]
+    assert account["channels"]["latitude"]["read"] == 0
+    page = (tmp_path / "out" / "coverage.html").read_text()
+    assert '<th scope="row">speed<' in page and '<th scope="row">latitude<' not in page
 
 
 def test_nothing_to_look_at(tmp_path: Path, drive: Recording) -> None:
