@@ -25,6 +25,7 @@ from deeptruck_model.simulators import Run, Simulator, forced_run
 from deeptruck_model.simulators.protocol_check import FORCES
 
 KNOTS = 7
+ENGINE_S = 0.4  # by which an engine's force follows its command
 
 
 @dataclass(frozen=True)
@@ -52,10 +53,10 @@ class Shares:
         knots = np.linspace(0.0, max(float(np.quantile(speed[e.valid], 0.99)), 5.0), KNOTS)
         basis = np.maximum(1.0 - np.abs(speed[:, None] - knots) / (knots[1] - knots[0]), 0.0)
 
-        def gain(command: str, share: Array) -> list[float]:
+        def gain(command: str, share: Array, late_s: float) -> list[float]:
             if not e.has(command):
                 return [0.0] * KNOTS
-            X = (basis * np.nan_to_num(e.lag(e[command], 0.4))[:, None])[e.valid]
+            X = (basis * np.nan_to_num(e.lag(e[command], late_s))[:, None])[e.valid]
             H = X.T @ X + np.eye(KNOTS) * 1e-3 * max(np.trace(X.T @ X) / KNOTS, 1e-9)
             return np.linalg.solve(H, X.T @ np.nan_to_num(share[e.valid])).tolist()
 
@@ -69,8 +70,8 @@ class Shares:
         rolling = float(np.median(e["rolling"][e.valid]))
         return cls(
             knots.tolist(),
-            gain("engine_command", e["engine"]),
-            gain("brake_command", e["brake"]),
+            gain("engine_command", e["engine"], ENGINE_S),
+            gain("brake_command", e["brake"], 0.0),  # which was taken as proportional to it
             ratio,
             square,
             rolling,
@@ -189,6 +190,29 @@ def sensitivity(e: Evidence, name: str) -> Array:
     """Change of acceleration for +100 % of a parameter, from the components (used if the simulator cannot be
     run with it)."""
     return force_of(name, e.command_units.get("brake_command")).rows(e)
+
+
+PARAMETER_OF = {
+    "engine": "torque_gain",
+    "brake": "brake_gain",
+    "drag": "drag_area",
+    "rolling": "rolling_resistance",
+}
+
+
+def as_large_as_they_act(
+    e: Evidence, columns: Mapping[str, Array], own: Mapping[str, float]
+) -> dict[str, Array]:
+    """The estimated forces of a simulator, each as large as its response to its own parameter shows:
+    `columns` are changes of the acceleration (n,) for +100 % of each."""
+    out = {}
+    for name, parameter in PARAMETER_OF.items():
+        if parameter in columns and own.get(parameter):
+            estimate, shown = (x[e.valid] for x in (sensitivity(e, parameter), columns[parameter]))
+            power = float(estimate @ estimate)
+            times = float(estimate @ shown) / power if power > 0.0 else 1.0
+            out[name] = e[name] * (times if times > 0.0 else 1.0)
+    return out
 
 
 def _from_inside(out: dict[str, Array], simulator: Simulator, runs: Sequence[Run], grid: Grid) -> float:

@@ -202,6 +202,8 @@ def _with_parameters(d: _Driven, e: Evidence, progress: _Progress) -> Evidence:
     left = effective_mass.held(holds).rows(e)
     e.signals.update(effective_mass.holding(holds, e.signals, left))
     columns = sensitivities(d.simulator, d.prepared, d.grid, e, lambda: progress.more(2))
+    if not e.reports_forces:
+        e.signals.update(components.as_large_as_they_act(e, columns, d.simulator.parameters()))
     e = replace(e, sensitivity=columns)
     named = {f"sensitivity:{name}": column for name, column in columns.items()}
     gain = {"effective_mass_gain": effective_mass.rows(d.simulator, e, turning, holds)}

@@ -13,7 +13,7 @@ from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.prepare.prepared import prepare
-from deeptruck_model.mismatch.residual import gather
+from deeptruck_model.mismatch.residual import components, gather
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import REFIT_PARAMETERS, accepted
@@ -192,6 +192,15 @@ def test_what_is_decided_sooner_shows_at_shifts_alone(own: Evidence) -> None:
 def test_a_simulator_that_may_be_learned_decides_at_no_moment(drives: list[Recording]) -> None:
     e = gather.gather(BlackBox(TRUCK), [prepare(r, False) for r in drives], [False, True])  # type: ignore[arg-type]
     assert e.sooner is None
+
+
+def test_estimated_forces_are_as_large_as_the_simulator_s_own_parameters_show(own: Evidence) -> None:
+    less = replace(own, signals=own.signals | {n: own[n] * 0.4 for n in ("drag", "brake", "engine")})
+    shown = {n: own.sensitivity[n] for n in ("drag_area", "brake_gain", "torque_gain")}
+    found = components.as_large_as_they_act(less, shown, {"drag_area": 6.0, "torque_gain": 1.0})
+    assert found.keys() == {"drag", "engine"}  # it has no brake_gain of its own
+    assert found["drag"][own.valid] == pytest.approx(own["drag"][own.valid], rel=0.02)
+    assert found["engine"] == pytest.approx(own["engine"], rel=0.15)  # whose friction no gain changes
 
 
 def test_what_a_truck_may_have_stays_as_it_is() -> None:
