@@ -175,7 +175,7 @@ class Limits:
     form_left: float = _rule(0.03, "1", CHOSEN, "of the squares of a mean force, that its forms may leave")
     least_carried: float = _rule(0.5, "1", CHOSEN,
         "of these squares, that forms must carry to other drives, for the name to be corrected")
-    simpler: float = _rule(0.1, "1", CHOSEN,
+    simpler: float = _rule(0.05, "1", CHOSEN,
         "of these squares, that a form with fewer coefficients may leave more")
     most_forms: int = _rule(3, "forms", CHOSEN, "of a mechanism that stand for its mean force, at most")
     least_shift: float = _rule(0.005, "1", CHOSEN,

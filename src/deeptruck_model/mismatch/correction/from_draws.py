@@ -328,15 +328,16 @@ def _left(regression: Regression, options: Sequence[CandidateTerm], force: Array
 
 def _simplest(regression: Regression, options: Sequence[CandidateTerm], force: Array) -> CandidateTerm:
     """The candidate term with the fewest coefficients, among those that explain a force (n,) nearly as well
-    as the best one, and of these one that acts always and whose coefficients are nearest their prior;
-    findings state its sizes."""
+    as the best one, and of these one that acts always, and that explains most with coefficients near their
+    prior; findings state its sizes."""
     gram, pull, squares, own = _products(regression, options, force)
     left = np.array([squares - _explained(gram, pull, a) for a in own])
     good = np.flatnonzero(left <= left.min() + Limits.simpler * squares)
 
     def far(k: int) -> tuple[bool, float]:
         off = (_solved(gram, pull, own[k]) - options[k].prior.mean) / np.maximum(options[k].prior.sd, 1e-12)
-        return isinstance(options[k].variants[0].course, Where), float(off @ off)
+        worse = (left[k] - left.min()) / max(Limits.simpler * squares, 1e-12)
+        return isinstance(options[k].variants[0].course, Where), float(off @ off) + worse
 
     return options[min(good, key=lambda k: (len(own[k]), far(k)))]
 
