@@ -188,7 +188,6 @@ TRUTHS = {
         "Most probable cause: headwind",
         ("headwind", "wind[round0]", 6.0),
         (0.5, 0.9),  # the wind of a further drive is not known
-        {"size": "9.0 m/s (7.0 to 10.9)"},
     ),
     "derate": Truth(
         [Refuse(derate=d) for d in (0.0, 0.3, 0.0, 0.3, 0.3)],
@@ -202,7 +201,6 @@ TRUTHS = {
         "Most probable cause: accessory load",
         ("accessory_load", "power", 0.93 * 14e3),  # at the wheels
         (1.0, 0.2),
-        {"size": "12.6 kW (12.2 to 12.9)"},
     ),
     "wrong parameters": Truth(
         [Refuse({**BODY, **WRONG})] * 5,

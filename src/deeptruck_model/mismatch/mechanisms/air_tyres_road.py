@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -58,9 +59,12 @@ WET = 0.02  # m/s^2: a third of what tyres take, from one whole drive to another
 
 
 def _wind(wind_m_s: float) -> Column:
+    return Column(_of_wind(wind_m_s), 0.3, "wind", "m/s", wind_m_s, mean=1.0)
+
+
+def _of_wind(wind_m_s: float) -> Expression:
     air = SPEED + wind_m_s
-    change = air * absolute(air) - SPEED**2
-    return Column(-(PER_SQUARE * change), 0.3, "wind", "m/s", wind_m_s, mean=1.0)
+    return -(PER_SQUARE * (air * absolute(air) - SPEED**2))
 
 
 def _more_wind(around_m_s: float, most: float = np.inf) -> Column:
@@ -130,7 +134,11 @@ HEADWIND = Mechanism(
             _wind, grid(wind_m_s=(-12.0, -8.0, -4.0, 4.0, 8.0, 12.0)), fitted={"wind_m_s": (2.0, 16.0)}
         ),
         # linear around calm or around a wind
-        "each drive": Form(_more_wind, grid(around_m_s=(0.0, 6.0, -6.0)), (each_wind,)),
+        "each drive": Form(
+            lambda around_m_s: replace(_more_wind(around_m_s), exact=_of_wind),
+            grid(around_m_s=(0.0, 6.0, -6.0)),
+            (each_wind,),
+        ),
         "turning": Form(
             lambda around_m_s: _more_wind(around_m_s, SWING_M_S),
             grid(around_m_s=(0.0, 6.0, -6.0)),

@@ -42,6 +42,8 @@ class Column:
     mean: float = 0.0
     course: tuple[tuple[str, float], ...] = ()  # of a piece of a curve: what it adds at each place, by name
     most: float = np.inf  # the largest physically possible coefficient times factor: a size is stated within
+    # the force of a coefficient, where it is not proportional to it and `expression` is about its share
+    exact: Callable[[float], Expression] | None = None
 
 
 def force(expression: Expression, sd: float, name: str = "force", sign: int = 1) -> Column:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -73,7 +75,17 @@ def every_variant(mechanism: Mechanism, e: Evidence) -> Iterator[Variant]:
 def build(mechanism: Mechanism, variants: Sequence[Variant]) -> list[Column]:
     """The columns of several variants: the accelerations that their forces cause."""
     columns = [c for v in variants for c in _columns(mechanism.forms[v.form], v)]
-    return [replace(c, expression=_acceleration(c.expression)) for c in columns]
+    return [_with(c, _acceleration) for c in columns]
+
+
+def _with(c: Column, change: Callable[[Expression], Expression]) -> Column:
+    """A column with a linear change of its force."""
+    exact = c.exact
+    return replace(
+        c,
+        expression=change(c.expression),
+        exact=None if exact is None else lambda size: change(exact(size)),
+    )
 
 
 def _acceleration(force: Expression) -> Expression:
@@ -104,7 +116,7 @@ def _columns(form: Form | Curve, v: Variant) -> list[Column]:
 def _varied(c: Column, course: Course) -> list[Column]:
     """A column for each coefficient of a course."""
     return [
-        replace(c, expression=c.expression * factor, name=c.name + suffix, sd=course.sd or c.sd)
+        replace(_with(c, partial(mul, factor)), name=c.name + suffix, sd=course.sd or c.sd)
         for suffix, factor in course.factors()
     ]
 

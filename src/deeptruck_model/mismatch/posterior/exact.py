@@ -20,7 +20,7 @@ from deeptruck_core.arrays import Array, Mask
 from deeptruck_core.constants import GRAVITY
 from deeptruck_model.mismatch.mechanisms import Column, Mechanism, Variant, build, candidate_term
 from deeptruck_model.mismatch.mechanisms.record import Form
-from deeptruck_model.mismatch.posterior.posterior import NO_NAME, SLOPE, Posterior, weights
+from deeptruck_model.mismatch.posterior.posterior import NO_NAME, SLOPE, Posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, changed_by
 from deeptruck_model.mismatch.posterior.sampler import SIZES
 from deeptruck_model.mismatch.prepare.prepared import Prepared
@@ -28,13 +28,13 @@ from deeptruck_model.mismatch.residual.commands import changed
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.expression import Rerun
 from deeptruck_model.mismatch.residual.gather import accepted, driven_at
-from deeptruck_model.mismatch.residual.noise import whiten
+from deeptruck_model.mismatch.residual.noise import TAIL, whiten
 from deeptruck_model.mismatch.residual.timing import sensor_terms
 from deeptruck_model.simulators import Simulator
 
 MOST_STEPS, HALVINGS = 10, 2  # Gauss-Newton steps, and how often one that is worse is halved
+REWEIGHED = 6  # times that rows are weighted anew beside what they leave
 SETTLED = 0.1  # standard deviations of a step that is the last
-BLOCK_S = 30.0  # of driving, whose errors are taken as independent
 STEP = 0.05  # of the logarithm of a constant, for its derivative
 CONSTANT_SD = 0.7  # of the logarithm of a constant that has no limits of its own
 SLOPE_SHARE, SLOPE_BIAS = 0.02, 0.0005  # prior sds of what a sensor of slope is off by
@@ -62,6 +62,8 @@ class Part:
     @property
     def constants(self) -> dict[str, tuple[float, float]]:
         """The middle and standard deviation of the logarithm of each constant that is fitted."""
+        if any(c.exact for c in self.columns):  # whose constants say where they are linear
+            return {}
         form, values = self.mechanism.forms[self.variant.form], dict(self.variant.constants)
         limits = form.fitted if isinstance(form, Form) else {}
         if isinstance(form, Form) and not limits:
@@ -86,7 +88,23 @@ class Part:
         if self.paths:
             return np.zeros(len(e))
         out: Array = candidate_term(self.mechanism, self.variant, e).columns @ np.array(self.b)
+        for k, size in enumerate(self.b):
+            out = out + self._beyond(k, size, e)
         return out
+
+    def slopes(self, e: Evidence) -> Array:
+        """The change (n, k) of its acceleration by each coefficient."""
+        out = candidate_term(self.mechanism, self.variant, e).columns.copy()
+        for k, b in enumerate(self.b):
+            out[:, k] += (self._beyond(k, b + STEP, e) - self._beyond(k, b - STEP, e)) / (2.0 * STEP)
+        return out
+
+    def _beyond(self, k: int, size: float, e: Evidence) -> Array:
+        """What the force of a coefficient has beyond its linear part, (n,)."""
+        column = self.columns[k]
+        if column.exact is None:
+            return np.zeros(len(e))
+        return (column.exact(size) + column.expression * -size).rows(e)
 
 
 @dataclass(frozen=True)
@@ -125,7 +143,7 @@ class Exact:
         """`given` are the draws (m,) from which what is slow beside is taken."""
         self.simulator, self.prepared, self.e, self.p = simulator, prepared, p.regression.e, p
         self.parts, self.rows = tuple(parts), p.regression.rows
-        self._weight = weights(p.regression, p.noise)
+        self._weight = 1.0 / (p.regression.series.relative[self.rows] * p.noise.sigma)
         self._paths = any(part.paths for part in parts)
         self._fixed = self._white(_beside(p, given, {*free, *(q.mechanism.effect for q in parts)}))
         self.unknown = [*self._parameters(free), *(u for i in range(len(parts)) for u in self._sizes(i))]
@@ -185,7 +203,7 @@ class Exact:
     def slopes(self, x: Array, s: Setting, e: Evidence) -> Array:
         """Change of the acceleration (n, k) by each unknown."""
         out = np.zeros((len(e), len(x)))
-        columns = [candidate_term(q.mechanism, q.variant, e).columns for q in s.parts]
+        columns = [q.slopes(e) for q in s.parts]
         for j, u in enumerate(self.unknown):
             if u.part is None:
                 out[:, j] = np.nan_to_num(self.e.sensitivity[u.of])
@@ -203,51 +221,72 @@ class Exact:
     def _white(self, x: Array) -> Array:
         return whiten(np.nan_to_num(x), self.p.noise.ar, self.rows, self._weight)
 
-    def _at(self, x: Array) -> tuple[Setting, Evidence, Array, Array, float]:
-        """Setting, evidence, whitened residual (m,) and columns beside (m, q), and the loss, nats."""
+    def _at(self, x: Array) -> _At:
         s = self.setting(x)
         e = self.run(s)
         timing, prior = sensor_terms(e, of_commands=not self._paths)
         y = self._white(self.left(s, e) - timing @ prior.mean)
         N = np.concatenate([self._fixed, self._white(timing * prior.sd)], axis=1)
-        pull = N.T @ y
-        beside = float(pull @ np.linalg.solve(N.T @ N + np.eye(len(pull)), pull))
+        left, own, wide = y, np.eye(N.shape[1]), 1.0
+        for _ in range(REWEIGHED):
+            weight = (TAIL + 1.0) / (TAIL * wide**2 + left**2)
+            b = np.linalg.solve((N.T * weight) @ N + own, N.T @ (weight * y))
+            left = y - N @ b
+            wide *= max(float(np.sqrt(np.mean(weight * left**2))), 1.0 / wide)
         off = x - np.array([u.mean for u in self.unknown])
-        return s, e, y, N, 0.5 * (float(y @ y) - beside + float(self.precision @ off**2))
+        loss = (TAIL + 1.0) * float(np.log1p((left / wide) ** 2 / TAIL).sum())
+        loss += 2.0 * len(left) * np.log(wide) + float(b @ b + self.precision @ off**2)
+        root = np.sqrt(weight)
+        return _At(s, e, root, y * root, N * root[:, None], 0.5 * loss)
 
     def fit(self) -> Fitted:
         """Gauss-Newton steps from the start."""
         k = len(self.unknown)
         x, mean = np.array([u.start for u in self.unknown]), np.array([u.mean for u in self.unknown])
-        s, e, y, N, loss = self._at(x)
+        at = self._at(x)
         for step in range(MOST_STEPS + 1):
-            slopes = self.slopes(x, s, e)
-            A = np.concatenate([self._white(slopes), N], axis=1)
-            H = A.T @ A + np.diag(np.concatenate([self.precision, np.ones(N.shape[1])]))
-            pull = A.T @ y
+            slopes = self.slopes(x, at.setting, at.e)
+            A = np.concatenate([self._white(slopes) * at.root[:, None], at.N], axis=1)
+            H = A.T @ A + np.diag(np.concatenate([self.precision, np.ones(at.N.shape[1])]))
+            pull = A.T @ at.y
             pull[:k] -= self.precision * (x - mean)
             change, sd = np.linalg.solve(H, pull)[:k], np.sqrt(np.diag(np.linalg.inv(H))[:k])
             if step == MOST_STEPS or (np.abs(change) < SETTLED * sd).all():
                 break
             for halved in range(HALVINGS + 1):
                 there = self._at(x + change * 0.5**halved)
-                if there[-1] < loss:
+                if there.loss < at.loss:
                     break
             else:
                 break
-            x, (s, e, y, N, loss) = x + change * 0.5**halved, there
-        return Fitted(self, x, s, e, y, A, H, slopes)
+            x, at = x + change * 0.5**halved, there
+        return Fitted(self, x, at.setting, at.e, at.root, at.y, A, H, slopes)
+
+
+@dataclass(frozen=True)
+class _At:
+    """A simulator as set: its evidence; the whitened residual y (m,) and columns N (m, q) of what is beside,
+    both times `root`, by which innovations that are far off count less; and the loss, nats."""
+
+    setting: Setting
+    e: Evidence
+    root: Array
+    y: Array
+    N: Array
+    loss: float
 
 
 @dataclass(frozen=True)
 class Fitted:
     """Fitted numbers x (k,) and what is set with them; the evidence there, the whitened residual y (m,) and
-    columns A (m, k + q) of the unknowns and of what is beside, their precision H, and the slopes (n, k)."""
+    columns A (m, k + q) of the unknowns and of what is beside, times `root`, their precision H, and the
+    slopes (n, k)."""
 
     of: Exact
     x: Array
     setting: Setting
     e: Evidence
+    root: Array
     y: Array
     A: Array
     H: Array
@@ -256,12 +295,10 @@ class Fitted:
     @cached_property
     def covariance(self) -> Array:
         """Covariance (k, k) of the numbers, from what is left in blocks of driving."""
-        k, e, rows = len(self.x), self.of.e, self.of.rows
+        k = len(self.x)
         N = self.A[:, k:]
         left = self.y - N @ np.linalg.solve(N.T @ N + np.eye(N.shape[1]), N.T @ self.y)
-        starts = np.array([s.start for s in e.drives])[e.record[rows]]
-        of_drive = (rows - starts) // round(BLOCK_S / e.dt)
-        block = np.unique(of_drive + len(e) * e.record[rows], return_inverse=True)[1]
+        block = self.of.p.regression.blocks()
         scores = np.zeros((block.max(initial=0) + 1, self.A.shape[1]))
         np.add.at(scores, block, self.A * left[:, None])
         precision = np.concatenate([self.of.precision, np.ones(N.shape[1])])
@@ -318,7 +355,7 @@ class Fitted:
         if without:
             keep[self.places(without)] = False
             force = self.force(without)
-            y, left = y + self.of._white(force), left + force
+            y, left = y + self.of._white(force) * self.root, left + force
         A = self.A[train][:, keep]
         precision = np.concatenate([self.of.precision, np.ones(len(keep) - k)])[keep]
         pull = A.T @ y[train]

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from deeptruck_core.arrays import Array, Mask
+from deeptruck_core.arrays import Array, Indices, Mask
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, Mechanism, candidate_terms
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Prior, Series, fit
@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.residual.timing import sensor_terms
 
 LARGEST_SLOPE = 0.75  # what four times the mass does
 HELD = 0.01
+BLOCK_S = 30.0  # of driving, whose errors are taken as independent
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
 
 
@@ -59,6 +60,12 @@ class Regression:
         other.series = replace(self.series, valid=self.series.valid & ~rows)
         other.rows = np.flatnonzero(other.series.usable())
         return other
+
+    def blocks(self) -> Indices:
+        """The block of BLOCK_S of driving that each of the rows that count (m,) is in, in their order."""
+        starts = np.array([s.start for s in self.e.drives])[self.e.record[self.rows]]
+        of_drive = (self.rows - starts) // round(BLOCK_S / self.e.dt)
+        return np.unique(of_drive + len(self.e) * self.e.record[self.rows], return_inverse=True)[1]
 
     def candidate_terms(self, mechanism: Mechanism) -> list[CandidateTerm]:
         """All candidate terms of a mechanism on this evidence, computed once."""
