@@ -286,7 +286,7 @@ def most_probable(
     state = start = start or (OUT,) * len(r.at)
     odds = log_odds - np.log(len(SIZES))
     held = {j for j, s in enumerate(start) if s != OUT}
-    gained = 0.0
+    gained, seen = 0.0, {start}
     while True:
         steps = [(state, 0.0)]
         for j in [j for j, s in enumerate(state) if s != OUT and j not in held]:
@@ -298,9 +298,10 @@ def most_probable(
             block, size = np.unravel_index(int(np.argmax(worth)), worth.shape)
             found += [(float(worth[block, size]), _with(there, int(block), int(size))), (change, there)]
         change, best = max(found, key=lambda step: step[0])
-        if change <= LEAST_STEP:
+        if change <= LEAST_STEP or best in seen:  # of a force of one sign the gain depends on the order
             return state, gained
         state, gained = best, gained + change
+        seen.add(best)
 
 
 def _greedy(r: Reduced, unit: float) -> State:

@@ -113,3 +113,24 @@ def test_the_most_probable_state_is_that_of_an_exhaustive_search() -> None:
     assert most_probable(r, 1.0, r.log_odds, held)[0][3] == 0
     without = np.where(np.arange(4) == 1, -np.inf, r.log_odds)
     assert most_probable(r, 1.0, without)[0][1] == OUT
+
+
+def test_steps_whose_gains_depend_on_their_order_end() -> None:
+    """As those of forces of one sign: in a circle each of these four is worth it."""
+    gains = {(OUT, OUT): (1.0, -1.0), (0, OUT): (0.0, 1.0), (OUT, 0): (-1.0, 0.0)}
+
+    class Circle:
+        at = BLOCKS[:2]
+
+        def table(self, state: tuple[int, ...]) -> np.ndarray:
+            each = np.full((2, len(SIZES)), -np.inf)
+            each[:, 0] = [
+                x if s == OUT else -np.inf for x, s in zip(gains.get(state, (0, 0)), state, strict=True)
+            ]
+            return each
+
+        def gains(self, state: tuple[int, ...], j: int) -> np.ndarray:
+            return self.table(state)[j]
+
+    state, gained = most_probable(Circle(), 1.0, np.full(2, np.log(len(SIZES))))  # type: ignore[arg-type]
+    assert state == (OUT, 0) and gained == pytest.approx(3.0)
