@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_cacc.safety.assumptions import BELIEVED_S
 from deeptruck_cacc.safety.guard import load_controller
 from deeptruck_model.trucks import PhysicsTruck, load, own_truck
 from deeptruck_nodes import leaders
@@ -54,9 +55,10 @@ def test_behind_a_slower_radar_it_drives_as_behind_one_of_ten_readings_a_second(
     truck, leader = load("trucksim"), "steps:speeds=20/12,every=30,acceleration=2"
     lost = RadarErrors(dropout_rate=0.03, dropout_s=6.0)
     engines, gaps = (np.array(x) for x in drive(truck, leader, 60.0, every, RadarErrors()))
-    assert np.abs(gaps - drive(truck, leader, 60.0, 1, RadarErrors())[1]).max() < 0.5
-    # the shield cuts the engine at the first reading that shows the leader brake: a jolt of 0.13 m/s^2
-    assert np.abs(np.diff(engines)).max() < 0.25 * ActionScale.of(truck).engine_high
+    farther = gaps - drive(truck, leader, 60.0, 1, RadarErrors())[1]
+    assert farther.min() > -0.5 and farther.max() < 2.5  # it sees 0.2 s later that the leader brakes no more
+    # the shield takes the engine back at the first readings that show the leader brake: a jolt of 0.17 m/s^2
+    assert np.abs(np.diff(engines)).max() < 0.35 * ActionScale.of(truck).engine_high
     fast, slow = (drive(truck, "constant:speed=20", 60.0, n, lost) for n in (1, every))
     assert min(slow[1]) > min(fast[1]) - 0.5
 
@@ -125,7 +127,9 @@ def test_behind_a_leader_that_braked_it_says_how_to_go_on_braking_and_else_does_
     assert all(math.isnan(hold) for _, hold in steady)
     first = next(k for k, (brake, _) in enumerate(braked) if math.isnan(brake))
     assert 28 <= first <= 32  # 3 s
-    assert all(mild < hold <= full for _, hold in braked[: first + 1])  # and with the first that is none
+    believed = round(BELIEVED_S / 0.1)  # from then on it may have left
+    assert all(mild < hold <= full for _, hold in braked[: believed - 1])
+    assert all(hold == pytest.approx(mild) for _, hold in braked[believed + 1 : first + 1])
     assert all(math.isnan(brake) and math.isnan(hold) for brake, hold in braked[first + 1 :])
 
 

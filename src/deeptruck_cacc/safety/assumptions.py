@@ -9,6 +9,12 @@ import numpy as np
 from deeptruck_core.arrays import Array
 from deeptruck_core.constants import ROUNDED_GRAVITY
 
+# An object that is no longer seen goes on braking as it was seen to for `BELIEVED_S` and then keeps its
+# speed: it may have left the lane. One that braked by more than `EMERGENCY`, harder than for most exits,
+# goes on to a standstill.
+BELIEVED_S = 2.0  # s; ours
+EMERGENCY = 2.4  # m/s^2; ours
+
 
 @dataclass(frozen=True)
 class Assumptions:
@@ -20,7 +26,6 @@ class Assumptions:
 
     d_safety: float = 2.0  # m
     leader_braking: float = 6.0  # m/s^2, the hardest the leader brakes
-    unseen_jerk: float = 0.5  # m/s^3, by which a leader that is not seen may brake harder than it was seen to
     track_s: float = 0.5  # s, time constant with which its braking is taken from its speed
     braking: float = 4.2  # m/s^2, the least the truck brakes when cold, by the full brake command
     limit_share: float = 1.0  # of that command that reaches the brakes: a vehicle's bridge may limit it
@@ -58,6 +63,7 @@ class Assumptions:
     # braked harder behind random leaders.
     yield_s: float = 9.0  # s
     yielding: float = 1.5  # m/s^2, the hardest braking that this asks for, and that any policy may ask for
+    firm: float = 3.0  # m/s^2, the hardest that it asks for behind an object that brakes
     harder: float = 1.3  # times what stopping behind an object needs a policy may ask for too
     jerk: float = 3.0  # m/s^3, by which the braking of a policy changes
     bridged_s: float = 3.0  # s, for which a steady leader may vanish without more than `mild_braking`,
@@ -73,6 +79,11 @@ class Assumptions:
     def share_of(self, deceleration: Array | float) -> Array:
         """Share of the brake command that gives at most a deceleration, m/s^2, on the level without drag."""
         return np.asarray(self.bite + deceleration / self.brake_gain)
+
+    @property
+    def emergency(self) -> float:
+        """The bound of a braking, m/s^2, which errors of two readings are in, that is taken to go on."""
+        return EMERGENCY + 2 * self.speed_error / self.track_s
 
     @property
     def slope_pull(self) -> float:

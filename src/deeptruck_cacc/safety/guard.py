@@ -127,6 +127,13 @@ class Guard:
         return self._tracker.needed_braking(self.shield.assumed.d_safety)
 
     @property
+    def possible_braking(self) -> Array:
+        """The same, m/s^2 (batch,), had an object that is no longer seen braked on to a standstill."""
+        if self.shield is None:
+            return np.zeros(len(self.unseen_s))
+        return self._tracker.needed_braking(self.shield.assumed.d_safety, math.inf)
+
+    @property
     def brake_gain(self) -> Array:
         """Share of the promised deceleration that the brakes give, (batch,), as learned so far."""
         batch = len(self.unseen_s)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deeptruck_cacc.safety.assumptions import Assumptions
+from deeptruck_cacc.safety.assumptions import BELIEVED_S, Assumptions
 from deeptruck_cacc.safety.shield import Ahead, Shield, Truck
 from deeptruck_core.arrays import Array, Mask
 
@@ -61,7 +61,8 @@ class _Leader(NamedTuple):
     def moved(self, p: Assumptions, pull: Array, lost: Mask) -> _Leader:
         """The leader one step later, at the acceleration `pull` (batch,); `lost` marks rollouts in which the
         truck does not detect the leader in that step."""
-        may = np.where(lost, np.minimum(self.braking + p.unseen_jerk * p.dt, p.leader_braking), 0.0)
+        on = (self.unseen_s < BELIEVED_S - p.dt / 2) | (self.braking > p.emergency)
+        may = np.where(lost & on, self.braking, 0.0)
         rate = np.where(lost, np.maximum(pull, -may), pull)
         speed = np.maximum(self.speed + p.dt * rate, 0.0)
         worst = np.where(lost, np.maximum(self.worst_speed - p.dt * may, 0.0), speed)
@@ -89,7 +90,7 @@ def rollouts(assumed: Assumptions, genes: Array, steps: int = 300, *, shielded: 
     # the assumptions include knowing how hot the brakes are
     shield._truck = Truck.unknown(batch)._replace(speed=speed, heat=heat.copy())
     shield._ahead = Ahead.never(1, batch)._replace(
-        gap=gap[None], speed=first[None], slow=first[None], unseen_s=nothing[None]
+        gap=gap[None], speed=first[None], slow=first[None], unseen_s=nothing[None], near=nothing[None]
     )
     pull, wish, blind, noise = np.split(genes[:, 5:], 4, axis=1)
     least, acted, earliest = np.full(batch, np.inf), np.zeros(batch), np.full(batch, -np.inf)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.safety.assumptions import Assumptions
+from deeptruck_cacc.safety.assumptions import BELIEVED_S, Assumptions
 from deeptruck_cacc.safety.brakes import Brakes
 from deeptruck_core.arrays import Array, Mask
 
@@ -27,12 +27,14 @@ class Ahead(NamedTuple):
     slowing: Array  # m/s^2, its braking when measured, by that filter
     braking: Array  # m/s^2, the hardest that it brakes while it is not measured
     unseen_s: Array  # s, since it was; inf for never
+    near: Array  # 1 while it has been nearer than the limit since it appeared
 
     @classmethod
     def never(cls, objects: int, batch: int) -> Ahead:
         """Nothing measured yet."""
         nothing = np.zeros((objects, batch))
-        return cls(nothing, nothing, nothing, nothing, nothing, np.full((objects, batch), np.inf))
+        never = np.full((objects, batch), np.inf)
+        return cls(nothing, nothing, nothing, nothing, nothing, never, nothing + 1.0)
 
 
 class Truck(NamedTuple):
@@ -138,7 +140,7 @@ class Shield:
         """Commands to send, each (batch,); NaN in a command is 'no command'. It brakes if nothing was ever
         measured."""
         p, truck = self.assumed, self._truck
-        slack, unseen = self._slack()
+        slack, unseen, appeared = self._slack()
         missing = ~(np.isfinite(engine) & np.isfinite(brake))
         past = np.where(np.isfinite(truck.slack), truck.slack, slack)
         smooth = past + min(p.dt / p.soft_s, 1.0) * (slack - past)
@@ -149,14 +151,16 @@ class Shield:
         asked = np.where(missing, mild, brake)  # no command: slow down gently
         easing = unseen & (slack < p.ease_m)
         limit = np.maximum(limit, np.where(easing, np.minimum(2.0 - 2.0 * slack / p.ease_m, 1.0) * mild, 0.0))
+        limit = np.maximum(limit, appeared * self.brake_high)
         sent_brake = np.clip(np.maximum(asked, limit), 0.0, self.brake_high)
         # not a cut: a policy that follows at the limit would get its engine on and off
-        eased = np.maximum(near, np.clip(truck.eased + np.where(easing, p.dt, -p.dt) / p.ease_s, 0.0, 1.0))
+        eased = np.clip(truck.eased + np.where(easing, p.dt, -p.dt) / p.ease_s, 0.0, 1.0)
+        eased = np.maximum(np.where(appeared > 0, 1.0, near), eased)
         left = 1.0 - eased
         throttled = self.engine_low + left * (np.maximum(engine, self.engine_low) - self.engine_low)
         sent_engine = np.where(left < 1.0, throttled, engine)
         sent_engine = np.where(missing, self.engine_low, sent_engine)
-        self.braking, self.room_m = slack < 0, slack
+        self.braking = (slack < 0) | (appeared > 0)
         self.acted = missing | (sent_brake > asked) | (sent_engine != engine)
         left_over = truck.pressed * np.exp(-p.dt / p.release_s)
         share = sent_brake / self.brake_high
@@ -194,49 +198,66 @@ class Shield:
         needed = p.needed_gap(truck.speed, ahead.speed, truck.heat, p.dt, gain)
         for_speed = p.needed_gap(truck.speed + 0.5, ahead.speed, truck.heat, p.dt, gain) - needed
         # a leader that brakes harder is left to the limit
-        slowing = np.clip(ahead.slowing, 0.0, p.yielding)
+        slowing = np.clip(np.where(ahead.unseen_s > 0.0, ahead.braking, ahead.slowing), 0.0, p.firm)
         room = ahead.gap - needed - p.soft_m
         shrinks = truck.speed - ahead.speed - 2 * p.speed_error + ahead.speed / p.leader_braking * slowing
         pull = (shrinks - room / p.yield_s) * 0.5 / np.maximum(for_speed, 0.1)
-        seen = self._counts & (ahead.unseen_s == 0.0)
+        seen = self._counts & (ahead.unseen_s < BELIEVED_S)
         pull = np.max(np.where(seen, pull, -np.inf), axis=0)
-        asked = np.clip(np.where(seen.any(axis=0), pull, truck.yielded), 0.0, p.yielding)
+        kept = np.minimum(truck.yielded, p.yielding)
+        asked = np.clip(np.where(seen.any(axis=0), pull, kept), 0.0, p.firm)
         less = p.mild_braking * p.dt / p.ease_s
         asked = np.clip(asked, truck.yielded - less, truck.yielded + p.jerk * p.dt)
         self._truck = truck._replace(yielded=asked)
-        least = np.where(asked > 0, p.share_of(asked), 0.0) * self.brake_high
+        # below, the engine alone is taken back: a brake is no trim
+        least = np.where(asked > 0.5 * p.mild_braking, p.share_of(asked), 0.0) * self.brake_high
         left = 1.0 - np.clip(asked / p.mild_braking, 0.0, 1.0)
-        most = p.bite + np.maximum(p.yielding, p.harder * self._braking_to_stop()) / (p.brake_gain * gain)
+        most = self._share_for(self._braking_to_stop().max(axis=0))
         brake = self.brakes.slewed(brake / self.brake_high, most) * self.brake_high
         return self.engine_low + left * (engine - self.engine_low), np.maximum(brake, least)
 
     def _braking_to_stop(self) -> Array:
-        """Deceleration (m/s^2, (batch,)) with which the truck stops behind every object, if each goes on
-        braking as it does."""
+        """Deceleration (m/s^2, (objects, batch)) with which the truck stops behind each object that counts,
+        as it goes on braking."""
         p, ahead, speed = self.assumed, self._ahead, self._truck.speed
         assert ahead is not None
         way = ahead.gap - p.d_safety - speed * p.response_s
         way = way + ahead.speed**2 / (2 * np.maximum(ahead.braking, 0.1))
         pull = speed**2 / (2 * np.maximum(way, 0.5))
-        return np.asarray(np.max(np.where(self._counts & np.isfinite(ahead.unseen_s), pull, 0.0), axis=0))
+        return np.asarray(np.where(self._counts & np.isfinite(ahead.unseen_s), pull, 0.0))
 
-    def _slack(self) -> tuple[Array, Mask]:
+    def _share_for(self, needed: Array) -> Array:
+        """Share of the brake command that is asked for where a deceleration (m/s^2) is needed: somewhat more
+        than that, and `yielding` at least."""
+        p, gain = self.assumed, self.brakes.gain_of(len(self._truck.speed))
+        return np.asarray(p.bite + np.maximum(p.yielding, p.harder * needed) / (p.brake_gain * gain))
+
+    def _slack(self) -> tuple[Array, Mask, Array]:
         """Distance (m, (batch,)) to the limit behind the object that is nearest to it, and whether that one
-        is not measured."""
+        is not measured; and the share of the brake command for objects that appeared nearer than the limit,
+        which are braked for by what they need."""
         p, truck, ahead = self.assumed, self._truck, self._ahead
         assert ahead is not None, "see comes first"
         gain = self.brakes.gain_of(len(truck.speed))
         slack = ahead.gap - p.needed_gap(truck.speed, ahead.speed, truck.heat, p.dt, gain)
         known = self._counts & np.isfinite(ahead.unseen_s)
+        near = ahead.near * (slack < 0)
+        self._ahead = ahead._replace(near=near)
+        appeared = np.max(np.where(known, near, 0.0) * self._share_for(self._braking_to_stop()), axis=0)
         # The first one before its first measurement has a gap of 0.
+        self.room_m = np.take_along_axis(
+            slack, np.argmin(np.where(known, slack, np.inf), axis=0)[None], axis=0
+        )[0]
+        slack = np.where(known & (near > 0.0), p.ease_m, slack)
         first = np.argmin(np.where(known, slack, np.inf), axis=0)[None]
         least, unseen = (np.take_along_axis(x, first, axis=0)[0] for x in (slack, ahead.unseen_s))
-        return least, unseen > 0
+        return least, unseen > 0, appeared
 
     def _move(self, gap: Array, leader_speed: Array, speed: Array) -> None:
         """Bounds from this step's measurements and the last bounds.
 
-        An object that is not detected continues with its last motion, braking harder by `unseen_jerk`.
+        An object that is not detected continues with its last motion, braking for `BELIEVED_S` or, in an
+        emergency, to a standstill.
         """
         p, old, truck = self.assumed, self._ahead, self._truck
         assert old is not None
@@ -245,7 +266,8 @@ class Shield:
         unseen_s = np.where(never, 0.0, old.unseen_s)
         lost = np.where(never, 0.0, old.slow - known)
         braking = (lost + np.where(never, 0.0, 2 * p.speed_error)) / (p.track_s + unseen_s)
-        braking = np.where(received, braking, old.braking + p.unseen_jerk * p.dt)
+        believed = (unseen_s < BELIEVED_S - p.dt / 2) | (old.braking > p.emergency)
+        braking = np.where(received, braking, np.where(believed, old.braking, 0.0))
         braking = np.clip(braking, 0.0, p.leader_braking)
         share = np.where(never, 1.0, np.minimum((p.dt + unseen_s) / p.track_s, 1.0))
         leader = np.where(received, known, np.maximum(old.speed - braking * p.dt, 0.0))
@@ -257,6 +279,7 @@ class Shield:
             np.where(received, lost / (p.track_s + unseen_s), old.slowing),
             braking,
             np.where(received, 0.0, old.unseen_s + p.dt),
+            old.near,
         )
         fastest = np.where(np.isfinite(speed), speed + p.speed_error, faster)
         self._truck = truck._replace(speed=np.maximum(fastest, 0.0))

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deeptruck_cacc.controllers.policy import Observation
+from deeptruck_cacc.safety.assumptions import BELIEVED_S, EMERGENCY
 from deeptruck_core.arrays import Array, Indices, Mask
 
 SLOTS = 3  # the vehicle that is followed, one that hides it or is behind it, and one more reading
@@ -38,10 +39,14 @@ class Objects(NamedTuple):
         unknown, zero = np.full((SLOTS, batch), np.nan), np.zeros((SLOTS, batch))
         return cls(unknown, unknown, zero, zero, zero, unknown, zero, unknown, unknown, zero, zero)
 
-    @property
-    def speed_now(self) -> Array:
-        """Its speed, m/s: one that slowed down goes on doing so while it is not measured."""
-        return np.maximum(self.speed + np.minimum(self.rate, 0.0) * self.unseen_s, 0.0)
+    def brakes_on(self, believed_s: float) -> Mask:
+        """Where one that slowed down is taken to go on doing so, unseen for up to `believed_s`."""
+        return (self.unseen_s < believed_s) | (self.rate < -EMERGENCY)
+
+    def speed_now(self, believed_s: float = BELIEVED_S) -> Array:
+        """Its speed, m/s: one that slowed down goes on doing so for `believed_s` while it is not measured."""
+        slows_s = np.where(self.brakes_on(believed_s), self.unseen_s, believed_s)
+        return np.maximum(self.speed + np.minimum(self.rate, 0.0) * slows_s, 0.0)
 
     @property
     def faster_m_s(self) -> Array:
@@ -104,6 +109,7 @@ class Tracker:
     dt: float
     nearer_s: float = 0.2
     farther_s: float = 2.5
+    passed_s: float = 0.35  # for which other readings may come in the place of its own, at least
     jump_m: float = 5.0  # farther from an object than this a reading is of another one
     jump_speed: float = 2.0  # m/s, likewise: 20 m/s^2 from one reading to the next
     manoeuvre: float = 2.0  # m/s^2, by which an object that is not measured may leave its motion
@@ -177,24 +183,25 @@ class Tracker:
         after = self._aged(after, here, received)
         drifts = (_at(after.opened, slot) > self._opened_m) | self.frozen
         self._drifts = np.where(received, drifts, self._drifts)
-        accepted = here & ((after.seen_s > self.dt / 2) | _slots(0)) & ~self._drifts
+        accepted = here & self._confirmed(after) & ~self._drifts
         self.objects, order = self._in_order(after, slot, accepted.any(axis=0))
         accepted = np.take_along_axis(accepted, np.maximum(order, 0), axis=0)
         self._measured = np.argmax(order == np.where(received, slot, self._measured), axis=0)
         self.came_from = np.where(new & (_numbers == self._measured), -1, order)
         self._report(gap, leader, accepted, received)
-        pairs = zip(self.readings, (self.objects.gap, self.objects.speed_now), strict=True)
+        pairs = zip(self.readings, (self.objects.gap, self.objects.speed_now()), strict=True)
         likely = (np.where(np.isnan(seen[0]), kept[0], seen[0]) for seen, kept in pairs)
         return {**observation, **dict(zip(names, (*likely, speed), strict=True))}
 
-    def needed_braking(self, least_m: float) -> Array:
+    def needed_braking(self, least_m: float, believed_s: float = BELIEVED_S) -> Array:
         """Constant deceleration, m/s^2 (batch,), with which the truck stays `least_m` behind every object
-        that counts: one that brakes goes on to a standstill, another keeps its speed."""
-        now, own = self.objects, self._speed
+        that counts: one that brakes goes on to a standstill, another, and one that was not measured for
+        `believed_s`, keeps its speed."""
+        now, own, speed = self.objects, self._speed, self.objects.speed_now(believed_s)
         room, braking = np.maximum(now.gap - least_m, 0.1), np.maximum(-now.rate, self.braking)
-        stops = own**2 / 2 / (room + now.speed_now**2 / 2 / braking)
-        follows = np.maximum(own - now.speed_now, 0.0) ** 2 / 2 / room
-        needs = np.where(-now.rate > self.braking, stops, follows)
+        stops = own**2 / 2 / (room + speed**2 / 2 / braking)
+        follows = np.maximum(own - speed, 0.0) ** 2 / 2 / room
+        needs = np.where(now.brakes_on(believed_s) & (-now.rate > self.braking), stops, follows)
         return np.asarray(np.max(np.where(self.counts & np.isfinite(needs), needs, 0.0), axis=0))
 
     @property
@@ -224,7 +231,7 @@ class Tracker:
         was, before = self.objects, np.where(np.isfinite(self._speed), self._speed, speed)
         self._speed = speed
         own = 0.5 * (before + speed) * (1.0 - self.own_speed_factor)
-        gap, by_speed = was.gap + (was.speed_now - own) * self.dt, was.range + (was.speed - own) * self.dt
+        gap, by_speed = was.gap + (was.speed_now() - own) * self.dt, was.range + (was.speed - own) * self.dt
         return was._replace(gap=gap, range=by_speed, unseen_s=was.unseen_s + self.dt)
 
     def _belongs(self, old: Objects, gap: Array, leader: Array, received: Mask) -> tuple[Indices, Mask]:
@@ -234,7 +241,7 @@ class Tracker:
         reach = np.where(young, self.same_m, self.jump_m + 0.5 * self.manoeuvre * missed_s**2)
         fits = np.abs(gap - old.gap) <= reach
         doubtful = old.opened > self._opened_m  # its speed is kept as it was before
-        fits &= doubtful | (np.abs(leader - old.speed_now) <= self.jump_speed + self.manoeuvre * missed_s)
+        fits &= doubtful | (np.abs(leader - old.speed_now()) <= self.jump_speed + self.manoeuvre * missed_s)
         off = np.abs(gap - old.gap) - _slots(0)  # the first one is preferred by 1 m
         known = np.argmin(np.where(fits, off, np.inf), axis=0)
         free = np.argmin(np.where(np.isnan(old.gap), -1.0, old.seen_s + 1e3 * _slots(0)), axis=0)
@@ -268,7 +275,7 @@ class Tracker:
         share = np.where((elapsed > 3.5 * self.dt) | (beyond_s > self.edge_s), 1.0, np.minimum(share, 1.0))
         doubtful, zero = opened > self._opened_m, np.zeros_like(elapsed)
         share = np.where(doubtful, 0.0, share)
-        seen_s = np.minimum(old.seen_s + self.dt, 2 * self.farther_s)
+        seen_s = np.minimum(old.seen_s + np.minimum(elapsed, self.passed_s), 2 * self.farther_s)
         known = Objects(
             gap=old.gap + share * off,
             speed=np.where(doubtful, old.speed, leader),
@@ -301,19 +308,27 @@ class Tracker:
 
     def _aged(self, after: Objects, here: Mask, received: Mask) -> Objects:
         """The list after a reading elsewhere: an object that the radar looks through is soon gone."""
-        passed = received & ~here & ~_slots(0)
-        less = after.seen_s - np.where(passed, self.dt, 0.0)
-        gone = passed & (less < self.dt / 2)
-        lost = (after.unseen_s > self.forget_s) & ~_slots(0)
-        kept = after._replace(seen_s=less)
-        return Objects.none(len(received)).where(gone | lost, kept)
+        gone = np.where(received & ~here, self._looked_through(after), after.unseen_s > self.forget_s)
+        return Objects.none(len(received)).where(gone & ~_slots(0), after)
+
+    def _looked_through(self, now: Objects) -> Mask:
+        """Objects in whose place the radar has read others for half as long as it had seen them."""
+        return now.unseen_s > np.clip(0.5 * now.seen_s, self.passed_s, self.farther_s) + 1e-9
+
+    def _confirmed(self, now: Objects) -> Mask:
+        """Objects that more than one reading told of; nearer than the one that is followed, which has just
+        driven there, more than two."""
+        least = np.where(now.gap < now.gap[0] - self.apart_m, 2.0, 1.0) * self.dt
+        return np.isfinite(now.gap) & (now.seen_s > least - self.dt / 2) | _slots(0)
 
     def _in_order(self, after: Objects, slot: Indices, accepted: Mask) -> tuple[Objects, Indices]:
         """The list with what is to be followed first, and where each of it was before, -1 for nowhere."""
         first, mine = after.gap[0], _at(after.gap, slot)
         nearer, none = mine < first, np.isnan(first)
-        needed = np.where(none, 0.0, np.where(nearer, self.nearer_s, self.farther_s))
-        swaps = (slot > 0) & accepted & (_at(after.seen_s, slot) > needed - 1e-9)
+        seen = np.where(
+            nearer, _at(after.seen_s, slot) > self.nearer_s - 1e-9, self._looked_through(after)[0]
+        )
+        swaps = (slot > 0) & accepted & (none | seen)
         swaps &= none | (np.abs(mine - first) > self.apart_m)
         order = np.broadcast_to(_numbers, after.gap.shape)
         before = swaps & (_numbers == slot)
@@ -330,8 +345,7 @@ class Tracker:
         closing = now.faster_m_s < -self._range_error
         speed = np.where(closing, np.clip(now.by_range + 0.5 * self._range_error, 0.0, leader), leader)
         self.readings = np.where(accepted, edge, np.nan), np.where(accepted, speed, np.nan)
-        confirmed = np.isfinite(now.gap) & (now.seen_s > self.dt / 2)
-        self.counts = (confirmed & (now.gap <= _at(now.gap, self._measured))) | _slots(0)
+        self.counts = (self._confirmed(now) & (now.gap <= _at(now.gap, self._measured))) | _slots(0)
         self.unseen_s = np.where(accepted.any(axis=0), 0.0, self.unseen_s + self.dt)
         contradicts = received & (_at(now.faster_m_s, self._measured) < -3.0 * self._range_error)
         more = np.where(received, np.where(self._drifts, self.dt, self.dt / 3.0), 0.0)

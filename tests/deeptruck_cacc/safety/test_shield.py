@@ -11,7 +11,7 @@ from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.environments import hard_scenes, scenes
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.safety import proof, truck_limits
-from deeptruck_cacc.safety.assumptions import Assumptions
+from deeptruck_cacc.safety.assumptions import BELIEVED_S, Assumptions
 from deeptruck_cacc.safety.guard import guard, load_controller
 from deeptruck_cacc.safety.shield import Shield
 from deeptruck_core.errors import InputError
@@ -121,10 +121,9 @@ def test_random_policies_leaders_and_radars_find_no_violation():
 
 def test_a_search_finds_a_shield_that_trusts_a_lost_leader_too_long():
     class Trusting(Assumptions):
-        """Its leader keeps its speed while it is not seen; the true one does not."""
+        """Its leader keeps its speed while it is not seen; the true one brakes as it was seen to."""
 
-    trusting = Trusting(unseen_jerk=0.0, track_s=1e6)
-    true = replace(PROMISE, unseen_jerk=6.0)
+    trusting = Trusting(track_s=1e6)
     found = 0
 
     class Believing(Shield):
@@ -135,10 +134,10 @@ def test_a_search_finds_a_shield_that_trusts_a_lost_leader_too_long():
 
     original, proof.Shield = proof.Shield, Believing
     try:
-        found = proof.random_search(true, 3000).violations
+        found = proof.random_search(PROMISE, 3000).violations
     finally:
         proof.Shield = original
-    assert found > 0 and proof.random_search(true, 3000).violations == 0
+    assert found > 0 and proof.random_search(PROMISE, 3000).violations == 0
 
 
 def test_it_brakes_no_earlier_than_the_worst_leader_consistent_with_the_track_needs():
@@ -148,7 +147,7 @@ def test_it_brakes_no_earlier_than_the_worst_leader_consistent_with_the_track_ne
     assert outcome.violations == 0
     assert 0.0 < outcome.earliest_m < PROMISE.soft_m + 32.0 * PROMISE.dt
     seen = proof.random_search(PROMISE, 2000).earliest_m  # what errors at their edge cost
-    assert outcome.earliest_m < seen < 20.0
+    assert outcome.earliest_m < seen < 30.0  # an emergency by these errors alone, which is taken to go on
 
 
 @pytest.mark.parametrize("name", ["trucksim", "freightliner", "volvo"])
@@ -229,9 +228,14 @@ def gentle(shield: Shield, gap, leader, engine: float = 800.0, brake: float = 0.
     return float(sent[0][0]), float(sent[1][0])
 
 
-@pytest.mark.parametrize(("leader", "room", "asked"), [(18.0, 4.5, 1.26), (19.9, 6.0, 0.0), (15.0, 4.5, 1.5)])
+@pytest.mark.parametrize(
+    ("leader", "room", "asked"), [(18.0, 4.5, 0.0), (17.0, 3.0, 0.5), (19.9, 6.0, 0.0), (15.0, 4.5, 1.5)]
+)
 def test_the_room_before_the_limit_shrinks_no_faster_than_in_yield_s(leader, room, asked):
-    """At 20 m/s: (shrinking - (room - soft_m) / yield_s) / (dG/dv), at most `yielding`, by formula."""
+    """At 20 m/s: (shrinking - (room - soft_m) / yield_s) / (dG/dv) by formula.
+
+    Below half of `mild_braking` by the engine alone.
+    """
     shield, speed = Shield(PROMISE, 0.0, 100.0), column(leader)
     needed = PROMISE.needed_gap(column(20.1), column(leader - 0.1), column(0.0), PROMISE.dt)
     gap = needed + PROMISE.gap_error + room
@@ -241,19 +245,22 @@ def test_the_room_before_the_limit_shrinks_no_faster_than_in_yield_s(leader, roo
         engine, brake = gentle(shield, gap, speed)
     more = PROMISE.needed_gap(column(20.6), column(leader - 0.1), column(0.0), PROMISE.dt) - needed
     wanted = np.clip((20.0 - leader - (room - PROMISE.soft_m) / PROMISE.yield_s) * 0.5 / more, 0.0, 1.5)
-    share = np.where(wanted > 0, PROMISE.bite + wanted / PROMISE.brake_gain, 0.0)
+    share = np.where(wanted > 0.5 * PROMISE.mild_braking, PROMISE.bite + wanted / PROMISE.brake_gain, 0.0)
     assert brake == pytest.approx(100.0 * share) and (brake > 0) == (asked > 0)
     assert engine == pytest.approx(800.0 * (1.0 - np.minimum(wanted / PROMISE.mild_braking, 1.0)))
 
 
-def test_behind_a_leader_that_brakes_it_gives_way_earlier_and_unseen_goes_on():
+def test_behind_a_leader_that_brakes_it_gives_way_earlier_and_unseen_as_if_that_went_on():
     def asked(braking):
         shield, nan = Shield(PROMISE, 0.0, 100.0), column(np.nan)
-        gap = PROMISE.needed_gap(column(20.1), column(17.9), column(0.0), PROMISE.dt) + 10.0
+        gap = PROMISE.needed_gap(column(20.1), column(15.9), column(0.0), PROMISE.dt) + 5.0
         for k in range(20):
-            commands = gentle(shield, gap, column(18.0 + 0.1 * braking * (19 - k)))
-        for _ in range(5):
-            assert gentle(shield, nan, nan) == commands
+            commands = gentle(shield, gap, column(16.0 + 0.1 * braking * (19 - k)))
+        unseen = [gentle(shield, nan, nan)[1] for _ in range(40)]
+        believed = round(BELIEVED_S / PROMISE.dt)
+        assert min(unseen[: believed - 1]) >= commands[1]
+        most = 100.0 * PROMISE.share_of(PROMISE.yielding)
+        assert max(unseen[believed + 10 :]) <= most < max(unseen) + (braking == 0.0) * most
         return commands[1]
 
     assert asked(2.0) > asked(0.0) > 0.0
@@ -276,6 +283,8 @@ def test_every_object_is_stopped_behind_and_one_that_hides_another_counts_alone(
     """The leader at 20 m/s drives on; a standing car behind it is 70 m ahead."""
     shield, nan = Shield(PROMISE, 0.0, 100.0), np.nan
     gap, leader = np.array([[50.0], [60.0]]), np.array([[20.0], [0.0]])
+    shield.see(gap + 20.0, leader, column(20.0))
+    shield.limit(column(500.0), column(0.0))
     for counts, brake in (([[True], [False]], 0.0), ([[True], [True]], 100.0)):
         shield.see(gap, leader, column(20.0), counts=np.array(counts))
         assert shield.limit(column(500.0), column(0.0))[1][0] == brake
@@ -301,10 +310,29 @@ def test_brakes_that_keep_a_deceleration_heat_more_downhill():
 def test_it_acts_where_it_adds_a_brake_alone_and_not_where_the_policy_brakes_as_hard():
     """The engine command is its least already, so that the brake alone says whether the shield acts."""
     shield = Shield(PROMISE, 0.0, 100.0)
+    shield.filter(column(90.0), column(10.0), column(20.0), column(0.0), column(0.0))
     _, brake = shield.filter(column(20.0), column(10.0), column(20.0), column(0.0), column(0.0))
     assert brake[0] == 100.0 and shield.acted[0]
     shield.filter(column(20.0), column(10.0), column(20.0), column(0.0), column(100.0))
     assert not shield.acted[0]
+
+
+@pytest.mark.parametrize(("leader", "gap"), [(20.0, 20.0), (10.0, 30.0), (5.0, 30.0), (0.0, 60.0)])
+def test_what_appears_nearer_than_the_limit_is_braked_for_by_what_it_needs(leader, gap):
+    """`harder` times what stops behind it if it brakes by 0.1 m/s^2, and `yielding` at least.
+
+    What was farther once is braked for fully.
+    """
+    way = gap - PROMISE.gap_error - PROMISE.d_safety - 20.1 * PROMISE.response_s
+    way += max(leader - 0.1, 0.0) ** 2 / (2 * 0.1)
+    pull = max(PROMISE.harder * 20.1**2 / 2 / way, PROMISE.yielding)
+    assert PROMISE.needed_gap(column(20.1), column(leader - 0.1), column(0.0), 0.1)[0] > gap
+    shield, seen = Shield(PROMISE, 0.0, 100.0), (column(gap), column(leader), column(20.0))
+    engine, brake = shield.filter(*seen, column(500.0), column(0.0))
+    assert brake[0] == pytest.approx(100.0 * PROMISE.share_of(pull), rel=0.01)
+    assert engine[0] == 0.0 and shield.braking[0]
+    shield.filter(column(gap + 80.0), *seen[1:], column(500.0), column(0.0))
+    assert shield.filter(*seen, column(500.0), column(0.0))[1][0] == 100.0
 
 
 def test_it_brakes_when_nothing_was_ever_seen():
@@ -328,12 +356,12 @@ def test_a_leader_that_is_lost_far_off_or_pulling_away_is_lost_without_braking()
     assert (lost(leader=26.0, gap=55.0, steps=30) == 0.0).all()
 
 
-def test_a_leader_that_is_lost_near_is_braked_for_mildly_first():
-    """At 45 m it has 9 m left; mild braking begins within ease_m, the full one within soft_m of the limit."""
+def test_a_leader_that_is_lost_near_is_braked_for_mildly():
+    """At 45 m it has 9 m left: less than ease_m, and more than what it loses while it is taken to brake."""
     brake = lost(leader=20.0, gap=45.0, steps=30)
     mild = 100.0 * PROMISE.mild_braking / PROMISE.strongest_braking
     assert 0.0 < brake[0] < mild and (np.diff(brake[:4]) > 0).all()
-    assert np.flatnonzero(brake > mild)[0] > np.flatnonzero(brake == mild)[0] > 3
+    assert brake.max() == mild
 
 
 def test_a_leader_that_is_missed_once_does_not_cut_the_engine():

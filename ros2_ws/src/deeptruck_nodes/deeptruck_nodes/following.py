@@ -19,6 +19,8 @@ HOLE_S = 0.5  # between two observations, beyond which the past is forgotten; at
 CONTRADICTED_S = 1.0  # for which a radar may contradict itself, or the truck's speed
 LEAST_M_S2 = 0.2  # needed braking that noise of the readings may look like
 CREEPS_M_S = 2.0  # as fast as an idling engine drives a truck on: rolling out ends at what is slower
+GENTLE = 1.5  # m/s^2, for a hazard that is possible and no more
+TAKES_OVER_S = 4.0  # for which that goes on after control was handed back
 HARDER = 1.2  # than is needed, as no command follows
 FULL = 0.95  # of the highest brake command: counted as a full braking
 
@@ -116,8 +118,15 @@ class Following:
         self.why = self._why_not()
         self.leads = not self.why
         needs = float(self._guard.needed_braking[0])
-        self.hold_brake = self._held_brake(needs, seen) if led or self.leads else math.nan
-        self.hold_s = self._time_to_stop(needs, seen.speed)
+        self.hold_brake, self.hold_s = math.nan, 0.0
+        if led or self.leads:
+            self.hold_brake, self.hold_s = (
+                self._held_brake(needs, seen),
+                self._time_to_stop(needs, seen.speed),
+            )
+            if math.isnan(self.hold_brake):
+                possible = float(self._guard.possible_braking[0])
+                self.hold_brake, self.hold_s = self._held_brake(possible, seen, GENTLE), TAKES_OVER_S
         self.needed_braking = max(needs, self._braking_by(float(brake[0])))
         acted, braking = bool(self._guard.acted[0]), brake[0] >= FULL * self._brake_high
         if not self.leads:
@@ -148,8 +157,9 @@ class Following:
         p = shield.assumed
         return HARDER * speed / min(max(needs, LEAST_M_S2), p.braking * p.limit_share) + p.response_s
 
-    def _held_brake(self, needs: float, seen: Observation) -> float:
-        """The brake command that stops behind what was seen last; NaN where rolling out does not hit it."""
+    def _held_brake(self, needs: float, seen: Observation, most: float = math.inf) -> float:
+        """The brake command that stops behind what was seen last, for a deceleration of `most`; NaN where
+        rolling out does not hit it."""
         shield = self._guard.shield
         if shield is None:
             return math.nan
@@ -158,6 +168,7 @@ class Following:
         if not needs > max(rolls_out, LEAST_M_S2):
             return math.nan
         share = max(needs / p.braking, float(p.share_of(p.yielding))) * HARDER
+        share = min(share, float(p.share_of(most)))
         return min(share, p.limit_share) * self._brake_high
 
     def _why_not(self) -> str:
