@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from deeptruck_cacc.controllers.scaling import ActionScale
-from deeptruck_cacc.safety.assumptions import BELIEVED_S
+from deeptruck_cacc.safety.assumptions import GOES_ON_S
 from deeptruck_cacc.safety.guard import load_controller
 from deeptruck_model.trucks import PhysicsTruck, load, own_truck
 from deeptruck_nodes import leaders
@@ -127,9 +127,9 @@ def test_behind_a_leader_that_braked_it_says_how_to_go_on_braking_and_else_does_
     assert all(math.isnan(hold) for _, hold in steady)
     first = next(k for k, (brake, _) in enumerate(braked) if math.isnan(brake))
     assert 28 <= first <= 32  # 3 s
-    believed = round(BELIEVED_S / 0.1)  # from then on it may have left
-    assert all(mild < hold <= full for _, hold in braked[: believed - 1])
-    assert all(hold == pytest.approx(mild) for _, hold in braked[believed + 1 : first + 1])
+    goes_on = round(GOES_ON_S / 0.1)  # from then on it may have left
+    assert all(mild < hold <= full for _, hold in braked[: goes_on - 1])
+    assert all(hold == pytest.approx(mild) for _, hold in braked[goes_on + 1 : first + 1])
     assert all(math.isnan(brake) and math.isnan(hold) for brake, hold in braked[first + 1 :])
 
 

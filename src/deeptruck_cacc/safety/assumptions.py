@@ -9,10 +9,10 @@ import numpy as np
 from deeptruck_core.arrays import Array
 from deeptruck_core.constants import ROUNDED_GRAVITY
 
-# An object that is no longer seen goes on braking as it was seen to for `BELIEVED_S` and then keeps its
+# An object that is no longer seen goes on braking as it was seen to for `GOES_ON_S` and then keeps its
 # speed: it may have left the lane. One that braked by more than `EMERGENCY`, harder than for most exits,
 # goes on to a standstill.
-BELIEVED_S = 2.0  # s; ours
+GOES_ON_S = 2.0  # s; ours
 EMERGENCY = 2.4  # m/s^2; ours
 
 

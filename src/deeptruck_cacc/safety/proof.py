@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deeptruck_cacc.safety.assumptions import BELIEVED_S, Assumptions
+from deeptruck_cacc.safety.assumptions import GOES_ON_S, Assumptions
 from deeptruck_cacc.safety.shield import Ahead, Shield, Truck
 from deeptruck_core.arrays import Array, Mask
 
@@ -61,7 +61,7 @@ class _Leader(NamedTuple):
     def moved(self, p: Assumptions, pull: Array, lost: Mask) -> _Leader:
         """The leader one step later, at the acceleration `pull` (batch,); `lost` marks rollouts in which the
         truck does not detect the leader in that step."""
-        on = (self.unseen_s < BELIEVED_S - p.dt / 2) | (self.braking > p.emergency)
+        on = (self.unseen_s < GOES_ON_S - p.dt / 2) | (self.braking > p.emergency)
         may = np.where(lost & on, self.braking, 0.0)
         rate = np.where(lost, np.maximum(pull, -may), pull)
         speed = np.maximum(self.speed + p.dt * rate, 0.0)

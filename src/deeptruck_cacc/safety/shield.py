@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.safety.assumptions import BELIEVED_S, Assumptions
+from deeptruck_cacc.safety.assumptions import GOES_ON_S, Assumptions
 from deeptruck_cacc.safety.brakes import Brakes
 from deeptruck_core.arrays import Array, Mask
 
@@ -202,7 +202,7 @@ class Shield:
         room = ahead.gap - needed - p.soft_m
         shrinks = truck.speed - ahead.speed - 2 * p.speed_error + ahead.speed / p.leader_braking * slowing
         pull = (shrinks - room / p.yield_s) * 0.5 / np.maximum(for_speed, 0.1)
-        seen = self._counts & (ahead.unseen_s < BELIEVED_S)
+        seen = self._counts & (ahead.unseen_s < GOES_ON_S)
         pull = np.max(np.where(seen, pull, -np.inf), axis=0)
         kept = np.minimum(truck.yielded, p.yielding)
         asked = np.clip(np.where(seen.any(axis=0), pull, kept), 0.0, p.firm)
@@ -227,7 +227,7 @@ class Shield:
         return np.asarray(np.where(self._counts & np.isfinite(ahead.unseen_s), pull, 0.0))
 
     def _share_for(self, needed: Array) -> Array:
-        """Share of the brake command that is asked for where a deceleration (m/s^2) is needed: somewhat more
+        """Share of the brake command where a deceleration (m/s^2) is needed: somewhat more
         than that, and `yielding` at least."""
         p, gain = self.assumed, self.brakes.gain_of(len(self._truck.speed))
         return np.asarray(p.bite + np.maximum(p.yielding, p.harder * needed) / (p.brake_gain * gain))
@@ -256,7 +256,7 @@ class Shield:
     def _move(self, gap: Array, leader_speed: Array, speed: Array) -> None:
         """Bounds from this step's measurements and the last bounds.
 
-        An object that is not detected continues with its last motion, braking for `BELIEVED_S` or, in an
+        An object that is not detected continues with its last motion, braking for `GOES_ON_S` or, in an
         emergency, to a standstill.
         """
         p, old, truck = self.assumed, self._ahead, self._truck
@@ -266,8 +266,8 @@ class Shield:
         unseen_s = np.where(never, 0.0, old.unseen_s)
         lost = np.where(never, 0.0, old.slow - known)
         braking = (lost + np.where(never, 0.0, 2 * p.speed_error)) / (p.track_s + unseen_s)
-        believed = (unseen_s < BELIEVED_S - p.dt / 2) | (old.braking > p.emergency)
-        braking = np.where(received, braking, np.where(believed, old.braking, 0.0))
+        goes_on = (unseen_s < GOES_ON_S - p.dt / 2) | (old.braking > p.emergency)
+        braking = np.where(received, braking, np.where(goes_on, old.braking, 0.0))
         braking = np.clip(braking, 0.0, p.leader_braking)
         share = np.where(never, 1.0, np.minimum((p.dt + unseen_s) / p.track_s, 1.0))
         leader = np.where(received, known, np.maximum(old.speed - braking * p.dt, 0.0))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deeptruck_cacc.controllers.policy import Observation
-from deeptruck_cacc.safety.assumptions import BELIEVED_S, EMERGENCY
+from deeptruck_cacc.safety.assumptions import EMERGENCY, GOES_ON_S
 from deeptruck_core.arrays import Array, Indices, Mask
 
 SLOTS = 3  # the vehicle that is followed, one that hides it or is behind it, and one more reading
@@ -39,13 +39,13 @@ class Objects(NamedTuple):
         unknown, zero = np.full((SLOTS, batch), np.nan), np.zeros((SLOTS, batch))
         return cls(unknown, unknown, zero, zero, zero, unknown, zero, unknown, unknown, zero, zero)
 
-    def brakes_on(self, believed_s: float) -> Mask:
-        """Where one that slowed down is taken to go on doing so, unseen for up to `believed_s`."""
-        return (self.unseen_s < believed_s) | (self.rate < -EMERGENCY)
+    def brakes_on(self, goes_on_s: float) -> Mask:
+        """Where one that slowed down is taken to go on doing so, unseen for up to `goes_on_s`."""
+        return (self.unseen_s < goes_on_s) | (self.rate < -EMERGENCY)
 
-    def speed_now(self, believed_s: float = BELIEVED_S) -> Array:
-        """Its speed, m/s: one that slowed down goes on doing so for `believed_s` while it is not measured."""
-        slows_s = np.where(self.brakes_on(believed_s), self.unseen_s, believed_s)
+    def speed_now(self, goes_on_s: float = GOES_ON_S) -> Array:
+        """Its speed, m/s: one that slowed down goes on doing so for `goes_on_s` while it is not measured."""
+        slows_s = np.where(self.brakes_on(goes_on_s), self.unseen_s, goes_on_s)
         return np.maximum(self.speed + np.minimum(self.rate, 0.0) * slows_s, 0.0)
 
     @property
@@ -193,15 +193,15 @@ class Tracker:
         likely = (np.where(np.isnan(seen[0]), kept[0], seen[0]) for seen, kept in pairs)
         return {**observation, **dict(zip(names, (*likely, speed), strict=True))}
 
-    def needed_braking(self, least_m: float, believed_s: float = BELIEVED_S) -> Array:
+    def needed_braking(self, least_m: float, goes_on_s: float = GOES_ON_S) -> Array:
         """Constant deceleration, m/s^2 (batch,), with which the truck stays `least_m` behind every object
         that counts: one that brakes goes on to a standstill, another, and one that was not measured for
-        `believed_s`, keeps its speed."""
-        now, own, speed = self.objects, self._speed, self.objects.speed_now(believed_s)
+        `goes_on_s`, keeps its speed."""
+        now, own, speed = self.objects, self._speed, self.objects.speed_now(goes_on_s)
         room, braking = np.maximum(now.gap - least_m, 0.1), np.maximum(-now.rate, self.braking)
         stops = own**2 / 2 / (room + speed**2 / 2 / braking)
         follows = np.maximum(own - speed, 0.0) ** 2 / 2 / room
-        needs = np.where(now.brakes_on(believed_s) & (-now.rate > self.braking), stops, follows)
+        needs = np.where(now.brakes_on(goes_on_s) & (-now.rate > self.braking), stops, follows)
         return np.asarray(np.max(np.where(self.counts & np.isfinite(needs), needs, 0.0), axis=0))
 
     @property
@@ -316,8 +316,8 @@ class Tracker:
         return now.unseen_s > np.clip(0.5 * now.seen_s, self.passed_s, self.farther_s) + 1e-9
 
     def _confirmed(self, now: Objects) -> Mask:
-        """Objects that more than one reading told of; nearer than the one that is followed, which has just
-        driven there, more than two."""
+        """Objects that were read for a step; nearer than the one that is followed, which has just
+        driven there, for two steps."""
         least = np.where(now.gap < now.gap[0] - self.apart_m, 2.0, 1.0) * self.dt
         return np.isfinite(now.gap) & (now.seen_s > least - self.dt / 2) | _slots(0)
 

@@ -11,7 +11,7 @@ from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.environments import hard_scenes, scenes
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.safety import proof, truck_limits
-from deeptruck_cacc.safety.assumptions import BELIEVED_S, Assumptions
+from deeptruck_cacc.safety.assumptions import GOES_ON_S, Assumptions
 from deeptruck_cacc.safety.guard import guard, load_controller
 from deeptruck_cacc.safety.shield import Shield
 from deeptruck_core.errors import InputError
@@ -257,10 +257,10 @@ def test_behind_a_leader_that_brakes_it_gives_way_earlier_and_unseen_as_if_that_
         for k in range(20):
             commands = gentle(shield, gap, column(16.0 + 0.1 * braking * (19 - k)))
         unseen = [gentle(shield, nan, nan)[1] for _ in range(40)]
-        believed = round(BELIEVED_S / PROMISE.dt)
-        assert min(unseen[: believed - 1]) >= commands[1]
+        goes_on = round(GOES_ON_S / PROMISE.dt)
+        assert min(unseen[: goes_on - 1]) >= commands[1]
         most = 100.0 * PROMISE.share_of(PROMISE.yielding)
-        assert max(unseen[believed + 10 :]) <= most < max(unseen) + (braking == 0.0) * most
+        assert max(unseen[goes_on + 10 :]) <= most < max(unseen) + (braking == 0.0) * most
         return commands[1]
 
     assert asked(2.0) > asked(0.0) > 0.0
