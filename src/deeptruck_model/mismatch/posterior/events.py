@@ -56,7 +56,10 @@ NULLS = 40  # simulated residuals
 SPREADS = 4  # of them, from which the filters' spread in noise is known
 MOST = 50  # events
 AT_ANY_TIME = (LAWS, VARYING)  # parts of the forces that are sought in windows
-MOST_OF = 0.5  # of an event's speed change that its cause makes, or of its rows at a shift
+AT_A_SHIFT = (
+    0.5  # of an event's rows, from which the shift is its cause: noise begins and ends an event early
+)
+BEHIND = 0.5  # of an event's speed change, from which a name is behind it: two cannot be
 MOST_POSSIBLE = 3  # names of an event
 
 
@@ -119,7 +122,7 @@ def in_several(
     """
     e, rules = regression.e, regression.rules
     if e.other_shift is not None:
-        at_a_shift = [e.other_shift[x.start : x.stop].mean() >= MOST_OF for x in found]
+        at_a_shift = [e.other_shift[x.start : x.stop].mean() >= AT_A_SHIFT for x in found]
         found = [replace(x, other_shift=bool(own)) for x, own in zip(found, at_a_shift, strict=True)]
     asked = [x for x in found if not x.other_shift]
     within_events = copy(regression)
@@ -148,7 +151,7 @@ def _in_events(regression: Regression, asked: Sequence[Event]) -> list[Kernel]:
 def _makes_most(q: Posterior, j: int, x: Event) -> Mask:
     """The draws (m,) in which a block makes most of the speed change of an event."""
     change = q.coefficients(j) @ q.of[j].features[x.start : x.stop].sum(axis=0) * q.regression.e.dt
-    out: Mask = change * x.speed_change >= MOST_OF * x.speed_change**2
+    out: Mask = change * x.speed_change >= BEHIND * x.speed_change**2
     return out
 
 
