@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from deeptruck_core.arrays import Array
-from deeptruck_model.mismatch.mechanisms.courses import slowly
+from deeptruck_model.mismatch.mechanisms.courses import each_drive, slowly
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, grid
 from deeptruck_model.mismatch.mechanisms.symbols import (
     CRAWL_SPEED,
@@ -214,7 +214,10 @@ TORQUE_DERATE = Mechanism(
             needs=("elevation",),
         ),
         "ambient temperature": Form(lambda: _hot("ambient_temperature"), needs=("ambient_temperature",)),
-        "over time": Form(lambda: Column(-PULL, 0.5, "loss"), courses=(slowly(0.5, quick=False),)),
+        # in some drives and not in others, or on the way
+        "over time": Form(
+            lambda: Column(-PULL, 0.5, "loss"), courses=(each_drive(0.5), slowly(0.5, quick=False))
+        ),
         # what throttles the flow (a filter, a leaking hose) costs the more, the more flows
         "throttled": Form(
             lambda full: Column(-(PULL * minimum(POWER / full, 1.5)), 0.5, "loss_at_full_power"),

@@ -148,6 +148,10 @@ class Exact:
         self._fixed = self._white(_beside(p, given, {*free, *(q.mechanism.effect for q in parts)}))
         self.unknown = [*self._parameters(free), *(u for i in range(len(parts)) for u in self._sizes(i))]
         self.precision = np.array([1.0 / u.sd**2 for u in self.unknown])
+        self.least = np.array([0.0 if self._is_signed(u) else -np.inf for u in self.unknown])
+
+    def _is_signed(self, u: Unknown) -> bool:
+        return u.part is not None and not u.is_constant and self.parts[u.part].columns[u.of].sign > 0
 
     def _parameters(self, free: Sequence[str]) -> list[Unknown]:
         as_given = {n: 1.0 / (1.0 + self.e.moved.get(n, 0.0)) - 1.0 for n in free}
@@ -177,8 +181,7 @@ class Exact:
             elif u.is_constant:
                 logs[u.part][u.of] = float(np.clip(value, u.mean - REACH * u.sd, u.mean + REACH * u.sd))
             else:
-                signed = self.parts[u.part].columns[u.of].sign > 0
-                b[u.part][u.of] = max(value, 0.0) if signed else value
+                b[u.part][u.of] = value
         moved = accepted(self.simulator, {n: c for n, c in moved.items() if c})
         return Setting(moved, tuple(q.at(z, w) for q, z, w in zip(self.parts, logs, b, strict=True)))
 
@@ -240,17 +243,20 @@ class Exact:
         return _At(s, e, root, y * root, N * root[:, None], 0.5 * loss)
 
     def fit(self) -> Fitted:
-        """Gauss-Newton steps from the start."""
+        """Gauss-Newton steps from the start, and delays of whole samples where these are better."""
         k = len(self.unknown)
-        x, mean = np.array([u.start for u in self.unknown]), np.array([u.mean for u in self.unknown])
+        mean = np.array([u.mean for u in self.unknown])
+        x = np.maximum([u.start for u in self.unknown], self.least)
         at = self._at(x)
         for step in range(MOST_STEPS + 1):
-            slopes = self.slopes(x, at.setting, at.e)
-            A = np.concatenate([self._white(slopes) * at.root[:, None], at.N], axis=1)
-            H = A.T @ A + np.diag(np.concatenate([self.precision, np.ones(at.N.shape[1])]))
+            slopes, A, H = self._linear(x, at)
             pull = A.T @ at.y
             pull[:k] -= self.precision * (x - mean)
-            change, sd = np.linalg.solve(H, pull)[:k], np.sqrt(np.diag(np.linalg.inv(H))[:k])
+            sd, change = np.sqrt(np.diag(np.linalg.inv(H))[:k]), np.zeros(len(pull))
+            moves = np.ones(len(pull), dtype=bool)
+            moves[:k] = (x > self.least) | (pull[:k] > 0.0)
+            change[moves] = np.linalg.solve(H[np.ix_(moves, moves)], pull[moves])
+            change = np.maximum(x + change[:k], self.least) - x
             if step == MOST_STEPS or (np.abs(change) < SETTLED * sd).all():
                 break
             for halved in range(HALVINGS + 1):
@@ -260,7 +266,28 @@ class Exact:
             else:
                 break
             x, at = x + change * 0.5**halved, there
+        whole = self._of_whole_samples(x)
+        if not np.array_equal(whole, x) and (there := self._at(whole)).loss < at.loss:
+            x, at = whole, there
+            slopes, A, H = self._linear(x, at)
         return Fitted(self, x, at.setting, at.e, at.root, at.y, A, H, slopes)
+
+    def _linear(self, x: Array, at: _At) -> tuple[Array, Array, Array]:
+        """Slopes (n, k), whitened columns (m, k + q), and the precision of their coefficients."""
+        slopes = self.slopes(x, at.setting, at.e)
+        A = np.concatenate([self._white(slopes) * at.root[:, None], at.N], axis=1)
+        H = A.T @ A + np.diag(np.concatenate([self.precision, np.ones(at.N.shape[1])]))
+        return slopes, A, H
+
+    def _of_whole_samples(self, x: Array) -> Array:
+        """The same numbers with every delay that of whole samples: a command between two, which stands for a
+        delay in between, was never given, and an engine may be on for it that was off."""
+        out, dt = x.copy(), self.prepared[0].dt
+        for j, u in enumerate(self.unknown):
+            paths = self.parts[u.part].paths if u.part is not None and u.is_constant else []
+            if paths and all(path.startswith("delay") for path, _ in paths):
+                out[j] = np.log(max(round(float(np.exp(x[j])) / dt), 1) * dt)
+        return out
 
 
 @dataclass(frozen=True)
