@@ -19,9 +19,9 @@ from deeptruck_model.simulators.running import said_of_rollout, stepped
 SHUTTLE = TruckInterface("shuttle", fuel=False)
 
 
-@dataclass
-class Sound:
-    """A truck that keeps the protocol; the state is its speed and how often it was stepped."""
+@dataclass(eq=False)  # a key, as a simulator that was compared is
+class Minimal:
+    """What a truck must have; the state is its speed and how often it was stepped."""
 
     body: float = 20000.0
     dt: float = 0.1
@@ -43,6 +43,10 @@ class Sound:
 
     def inside(self, state: Any) -> Any:
         return {"engine_speed": 4.0 * state["speed"]}
+
+
+class Sound(Minimal):
+    """A truck that keeps the protocol."""
 
     def parameters(self) -> dict[str, float]:
         return {"mass": self.body}
@@ -180,31 +184,10 @@ def test_what_only_some_need_is_noted() -> None:
 # A `rollout` that others wrote is used where it drives as the steps do, and never where it does not
 
 
-DT, ROWS = 0.1, 2
+ROWS = 2
 
 
-class Mass:
-    """A mass that an engine drives; the state is its speed (batch,)."""
-
-    interface = TruckInterface("mass", engine_unit="N m", brake_unit="percent", grade=True, fuel=False)
-    dt = DT
-
-    def reset(self, y0: Any) -> Any:
-        return y0[:, 1].copy()
-
-    def step(self, state: Any, u: Any, w: Any) -> Any:
-        a = 4.0 * u[:, 0] / 2e4 - 0.06 * u[:, 1] - 9.81 * w[:, 0] - 6e-4 * state**2
-        after = np.maximum(state + a * self.dt, 0.0)
-        return after, np.stack([(after - state) / self.dt, after], axis=1)
-
-    def force(self, state: Any, y: Any) -> Any:
-        return np.where(np.isnan(y[:, 1]), state, y[:, 1])
-
-    def inside(self, state: Any) -> Any:
-        return {"engine_speed": 4.0 * state}
-
-
-class WithRollout(Mass):
+class WithRollout(Minimal):
     """It counts the drives that go by it."""
 
     calls = 0
@@ -235,7 +218,7 @@ class OffLater(WithRollout):
 
     def rollout(self, u: Any, w: Any, y0: Any, recorded: Any = None) -> Run:
         made = super().rollout(u, w, y0, recorded)
-        made.y[:, round(40.0 / DT) :, 1] += 0.02
+        made.y[:, round(40.0 / Minimal.dt) :, 1] += 0.02
         return made
 
 
@@ -261,10 +244,10 @@ WRONG = {
 
 def drive(seconds: float = 100.0) -> tuple[Any, Any, Any]:
     """Commands, slope and a response that no simulator here has."""
-    rng, n = np.random.default_rng(0), round(seconds / DT)
+    rng, n = np.random.default_rng(0), round(seconds / Minimal.dt)
     engine = np.repeat(rng.uniform(0.0, 3000.0, (ROWS, n // 50)), 50, axis=1)
     u = np.stack([engine, np.zeros_like(engine)], axis=2)
-    w = 0.02 * np.sin(np.arange(n) * DT / 9.0)[None, :, None] * np.ones((ROWS, 1, 1))
+    w = 0.02 * np.sin(np.arange(n) * Minimal.dt / 9.0)[None, :, None] * np.ones((ROWS, 1, 1))
     y = np.zeros((ROWS, n, 2))
     y[:, :, 1] = 15.0 + np.cumsum(rng.normal(0.0, 0.02, (ROWS, n)), axis=1)
     return u, w, y
@@ -275,7 +258,7 @@ def test_a_wrong_rollout_is_not_used_and_said(kind: type[WithRollout]) -> None:
     u, w, y = drive()
     mixed = y.copy()
     mixed[:, 300:700] = np.nan
-    simulator, right = completed(kind()), completed(Mass())
+    simulator, right = completed(kind()), completed(Minimal())
     for recorded in (y, mixed, None):
         made = run(simulator, u, w, y[:, 0], recorded)
         np.testing.assert_array_equal(made.y, run(right, u, w, y[:, 0], recorded).y)
@@ -333,4 +316,4 @@ def test_a_right_rollout_is_used() -> None:
 
 def test_a_drive_of_one_sample_and_one_without_rollout_run() -> None:
     u, w, y = drive()
-    assert run(completed(Mass()), u[:, :1], w[:, :1], y[:, 0], None).y.shape == (ROWS, 1, 2)
+    assert run(completed(Minimal()), u[:, :1], w[:, :1], y[:, 0], None).y.shape == (ROWS, 1, 2)
