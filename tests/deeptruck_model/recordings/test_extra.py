@@ -10,10 +10,7 @@ import yaml
 from csv_tables import write_csv
 from foreign_bags import Message, S, bag_of, number, twist
 
-from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table, read
-from deeptruck_model.recordings.tables.columns import load_columns
-from deeptruck_model.recordings.topic_map import load
 
 COLUMNS = """\
 time: {column: t, unit: s}
@@ -45,22 +42,3 @@ def test_topics_of_a_bag_are_carried_too(tmp_path: Path) -> None:
     topics = {"speed": {"topic": "/speed", "field": "twist.linear.x"}, "extra": extra}
     (found,) = read(bag_of(tmp_path / "bag", messages), topic_map=topics)
     assert np.nanmax(found.channels["oil_temperature"]) == 189.0
-
-
-@pytest.mark.parametrize(
-    ("extra", "says"),
-    [
-        ({"gear": "g"}, "'gear' does not fit; .* no name of a channel"),
-        ({"oil temperature": "T"}, "'oil temperature' does not match .* letters, digits and _"),
-        ({"oil": {"column": "T", "unit": "degC"}}, "unknown key 'unit'.* without a unit"),
-        (["oil"], "extra: .'oil'. is not of type 'object'"),
-    ],
-)
-def test_what_is_no_name_of_its_own_is_refused(extra: object, says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        load_columns({**yaml.safe_load(COLUMNS), "extra": extra})
-
-
-def test_an_unknown_channel_is_referred_to_extra() -> None:
-    with pytest.raises(InputError, match=r"'oil'.* other names go under 'extra'"):
-        load({"speed": {"topic": "/s", "field": "data"}, "oil": {"topic": "/o", "field": "data"}})

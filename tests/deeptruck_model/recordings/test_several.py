@@ -1,13 +1,18 @@
-"""Bags that are called alike: their recordings are not."""
+"""Several bags: names that differ though the bags are called alike, and whether all can drive a simulator."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+import pytest
 from foreign_bags import Message, bag_of, drive_messages
 
-from deeptruck_model.recordings import read_all
-from deeptruck_model.recordings.several import distinct
+from deeptruck_core.errors import InputError
+from deeptruck_core.signals import TruckInterface
+from deeptruck_model.recordings import Recording, read_all
+from deeptruck_model.recordings.compatibility import Taken
+from deeptruck_model.recordings.several import check_fit, distinct
 
 
 def two_pieces() -> list[Message]:
@@ -35,3 +40,21 @@ def test_a_file_beside_a_folder_of_its_name(tmp_path: Path) -> None:
     (tmp_path / "drive.mcap").touch()
     names = distinct([tmp_path / "drive", tmp_path / "drive.mcap"])
     assert len(set(names.values())) == 2
+
+
+def test_a_recording_that_cannot_drive_a_simulator_is_one_line() -> None:
+    taken = Taken("the truck", truck := TruckInterface("trucksim"), 0.1)
+    channels = {"speed": np.zeros(9), "engine_command": np.zeros(9), "brake_command": np.zeros(9)}
+    drive = Recording("monday", 0.1, {**channels, "grade": np.zeros(9)}, truck)
+    check_fit([drive], taken)
+    percent = TruckInterface("p", engine_unit="percent", brake_unit="bar", grade=False)
+    with pytest.raises(InputError) as caught:
+        check_fit([drive, Recording("friday", 0.2, channels, percent)], taken)
+    for words in (
+        "'friday' is sampled every 0.2 s, the truck steps 0.1 s",
+        "'friday' has no grade, which the truck needs",
+        "'friday' has engine_command in percent, the truck takes N m",
+        "'friday' has brake_command in bar, the truck takes percent",
+    ):
+        assert words in str(caught.value)
+    assert "\n" not in str(caught.value)

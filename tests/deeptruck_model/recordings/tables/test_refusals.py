@@ -140,6 +140,12 @@ def of_speed(**more: Any) -> tuple[str, Rows]:
     return bad(channels={"speed": {"column": "v", "unit": "m/s", **more}})
 
 
+def of_cells(cells: list[Any], **time: Any) -> tuple[Rows, Rows]:
+    """Times as they are written, and what they are said to be."""
+    rows = {"t": cells, "v": np.full(len(cells), 5.0)}
+    return rows, {"time": {"column": "t", **time}, "channels": SPEED}
+
+
 # fmt: off
 REFUSED = {
     # with a cure that is followed
@@ -232,7 +238,7 @@ REFUSED = {
     "a step of no channel": Refused(*bad(split_at={"elevation_step": 4}), "no column is named"),
     "no step": Refused(*bad(split_at={"speed_step": 0}), "speed_step: 0 is less"),
     "no unit of time": Refused(*bad("t,v\n0,1\n1,2\n", time={"column": "t", "unit": "weeks"}),
-        "time.unit: 'weeks' is not one of"),
+        "time.unit: 'weeks' is not one of.*other dates need a format"),
     "rows without a time": Refused(*bad("t,v\n0,1\n,2\n1,3\n", time={"column": "t"}),
         "1 rows have no time in 't', first line 3"),
     "no numbers": Refused(*bad("v\nx\ny\nz\nx\n"), "column 'v' holds no numbers"),
@@ -242,6 +248,40 @@ REFUSED = {
     "prose": Refused(*bad("Dear reader\nthis, then, is prose\nand, as such, no table\n"),
                      "its header has 1 cell, and none of the 2 rows below has as many; set 'delimiter'"),
     "no truck's speed": Refused(*bad("v\n100\n200\n"), "is its unit right"),
+    "a header that is too short": Refused(*bad("t,v\n0,1,5\n1,1,6\n2,1,7\n"),
+        "has 2 cells, and none of the 3 rows below"),
+    "a mark of thousands": Refused(*bad("t,v,km\n0,1,9.5\n1,1,1,000.5\n2,1,1,001.5\n3,1,1,002.5\n"),
+        "must be quoted"),
+    "a title": Refused(*bad("log\nt,v\n0,1\n1,2\n"), "'skip_rows'"),
+    "words for times": Refused(*bad("t,v\n0,1\n?,2\n?,3\n3,4\n", time={"column": "t"}),
+        "2 rows have no time in 't', first line 3 with '\\?'"),
+    # times
+    "seconds as dates": Refused(*of_cells(["1700000000", "1700000001"], unit="iso"),
+        "unit: s or unit: ms or"),
+    "months in Spanish": Refused(*of_cells(["05-ago.-2026"] * 2, unit="iso"),
+        "'05-ago.-2026' in line 2; set time: .* format:"),
+    "days or months": Refused(*of_cells(["01/02/2026 10:00", "01/02/2026 10:01"], unit="iso"),
+        '"%d/%m/%Y %H:%M" or .* "%m/%d/%Y %H:%M"'),
+    "another format": Refused(*of_cells(["2026-01-01 10:00"] * 2, format="%d.%m.%Y"), "unit: iso}"),
+    "blank times": Refused(*of_cells(["", ""], unit="iso"), "'t' has no time"),
+    "rounded nanoseconds": Refused(*of_cells(["1.70000E+18"] * 9, unit="ns"), "first 9 rows"),
+    "dates of whole seconds": Refused(
+        *of_cells([f"2026-08-05 10:00:{k // 10:02d}" for k in range(45)], unit="iso"),
+        r"drop doubled rows, .* set time: {rate_hz: [\d.]+}"),
+    "dates of whole minutes": Refused(
+        *of_cells([f"05.08.2026 10:{k // 60:02d}" for k in range(300)], format="%d.%m.%Y %H:%M"),
+        "rate_hz: 1}"),
+    "each second twice": Refused(*of_cells([k // 2 for k in range(40)], unit="s"), "rate_hz: 2}"),
+    "a unit and a format": Refused(*of_cells([0, 1], unit="s", format="%H"), "instead of the unit"),
+    "no format": Refused(*of_cells([0, 1], format="%Q"), "'%Q'"),
+    "a unit of two columns": Refused(*bad(time={"column": ["a", "b"], "unit": "s"}),
+        "a date and a time of day"),
+    # channels of a user's own
+    "extra, a channel": Refused(*bad(extra={"gear": "g"}), "'gear' does not fit"),
+    "extra, a blank": Refused(*bad(extra={"oil temperature": "T"}), "letters, digits and _"),
+    "extra, a unit": Refused(*bad(extra={"oil": {"column": "T", "unit": "degC"}}), "unknown key 'unit'"),
+    "extra, a list": Refused(*bad(extra=["oil"]), "extra: .'oil'. is not of type 'object'"),
+    "a driver of no kind": Refused(*bad(driven_by="me"), "driven_by: 'me' is not one of"),
     "no encoding": Refused(*bad("v;µ\n1;2\n", encoding="klingon"), "cannot be read"),
 }
 # fmt: on

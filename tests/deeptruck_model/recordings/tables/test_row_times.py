@@ -12,7 +12,6 @@ import pytest
 from csv_tables import SPEED, write_csv
 from pyarrow import parquet
 
-from deeptruck_core.errors import InputError
 from deeptruck_model.recordings import import_table
 from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.recordings.tables.row_times import timed
@@ -119,48 +118,3 @@ def test_nanoseconds_apart_stay_apart(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         times(tmp_path / "d.csv", {"column": "t", "unit": "ns"}), exact, rtol=0, atol=1e-14
     )
-
-
-@pytest.mark.parametrize(
-    ("cells", "time", "says"),
-    [
-        (["1700000000", "1700000001"], {"unit": "iso"}, "set time: {column: t, unit: s or unit: ms or"),
-        (["05-ago.-2026", "05-ago.-2026"], {"unit": "iso"}, "'05-ago.-2026' in line 2; set time: .* format:"),
-        (
-            ["01/02/2026 10:00", "01/02/2026 10:01"],
-            {"unit": "iso"},
-            '"%d/%m/%Y %H:%M" or .* "%m/%d/%Y %H:%M"',
-        ),
-        (["2026-01-01 10:00"] * 2, {"format": "%d.%m.%Y"}, "of the format '%d.%m.%Y'; .* unit: iso}"),
-        (["", ""], {"unit": "iso"}, "column 't' has no time; all its cells are blank"),
-        (["1.70000E+18"] * 9, {"unit": "ns"}, "the first 9 rows have '1.70000E\\+18'"),
-        (
-            [f"2026-08-05 10:00:{k // 10:02d}" for k in range(45)],
-            {"unit": "iso"},
-            r"times in 't' repeat .*: drop doubled rows, .* set time: {rate_hz: [\d.]+}",
-        ),
-        ([f"05.08.2026 10:{k // 60:02d}" for k in range(300)], {"format": "%d.%m.%Y %H:%M"}, "rate_hz: 1}"),
-        ([k // 2 for k in range(40)], {"unit": "s"}, "rate_hz: 2}"),
-    ],
-)  # fmt: skip
-def test_what_fails_is_named_with_its_value_and_the_keys(
-    tmp_path: Path, cells: list[Any], time: dict[str, Any], says: str
-) -> None:
-    write_csv(tmp_path / "d.csv", {"t": cells, "v": np.full(len(cells), 5.0)}, delimiter=";")
-    with pytest.raises(InputError, match=says) as caught:
-        times(tmp_path / "d.csv", {"column": "t", **time})
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("time", "says"),
-    [
-        ({"column": "t", "unit": "s", "format": "%H"}, "a format instead of the unit"),
-        ({"column": "t", "format": "%Q"}, "format '%Q' of 'time' cannot be used"),
-        ({"column": ["a", "b"], "unit": "s"}, "are a date and a time of day"),
-        ({"column": "t", "unit": "fortnights"}, "other dates need a format"),
-    ],
-)
-def test_keys_that_do_not_go_together(time: dict[str, Any], says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        load_columns({"time": time, "channels": SPEED})

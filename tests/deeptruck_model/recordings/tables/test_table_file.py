@@ -82,24 +82,6 @@ def test_units_above_a_table_without_a_clock(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("t,v\n0,1,5\n1,1,6\n2,1,7\n", "its header has 2 cells, and none of the 3 rows below has as many"),
-        (
-            "t,v,km\n0,1,9.5\n1,1,1,000.5\n2,1,1,001.5\n3,1,1,002.5\n",
-            "a value with ',' in it, such as 1,234 or 50.1,8.2, must be quoted",
-        ),
-        ("log\nt,v\n0,1\n1,2\n", "and none of the 3 rows below has as many; set 'delimiter', or 'skip_rows'"),
-        ("t,v\n0,1\n?,2\n?,3\n3,4\n", "2 rows have no time in 't', first line 3 with '\\?'"),
-    ],
-)
-def test_what_is_no_table_is_refused_with_the_key(tmp_path: Path, text: str, says: str) -> None:
-    (tmp_path / "drive.csv").write_text(text)
-    with pytest.raises(InputError, match=says):
-        import_table(tmp_path / "drive.csv", COLUMNS, tmp_path / "bag")
-
-
-@pytest.mark.parametrize(
     ("columns", "there"),
     [
         (["t", "v", "grade"], "t, v, grade"),
