@@ -5,7 +5,7 @@
 faults, slope and load. Every run is drawn from its seed.
 
 A run is broken where the truck hits what is ahead faster than full braking would from the second true reading
-after it happened; where it brakes beyond 1 m/s^2 and neither traffic nor the true gap is the cause, until 3 s
+after it happened; where it brakes beyond 1 m/s^2 (2.5 for what is read in another lane) and neither traffic nor the true gap is the cause, until 3 s
 after control was handed back; where control is kept for more than 1 s on a speed that another signal
 contradicts beyond the vehicle's own tolerances; where the chain does not hand back on a fault that demands
 it, or does so on one that is to be bridged or without any; and where a frame leaves that must not
@@ -53,15 +53,15 @@ from truck_bridge.vehicles import Vehicle
 ENGAGED_AT, LENGTH, AFTER_S = 0.6, 12.0, 3.0
 KEPT_S = 1.0
 BRAKED = -1.0  # m/s^2 beyond the slope
+YIELDED = -2.5  # m/s^2, where something is read nearer than the leader that is not in the lane
 MEAN = 31  # steps over which an acceleration counts, 0.3 s
 CLOSING = 0.5  # m/s^2, from which the closing speed asks for braking
 SLOWER_M_S, SLOWER_M_S2 = 2.0, 1.0  # what is slower by so much ahead asks for so much, however far it is
 CAUSE_S = 4.0  # for which a leader that slowed down explains braking
-KNOWN_S = 0.5  # before control is handed back, from which on what happens ahead is not yet the driver's
 TAKES_OVER_S = 10.0  # UN R157, 5.4: in which a driver who is asked takes over
 WORSE = 0.5  # m/s, faster than by full braking, from which a hit is broken
 EARLY = ("second", "ours", "nobody")  # half of them before engaging
-UNHEARD = ("link lost", "another node uses our address")  # from then on nobody obeys our frames
+UNHEARD = "link lost"  # from then on no frame of ours leaves
 
 
 @dataclass(frozen=True)
@@ -266,9 +266,8 @@ class Run:
                     break
             self._note()
             if not scene.early:
-                stops = chain.state == "stopping" and scene.traffic not in HARMLESS
-                handed_back = chain.now > self.ended + AFTER_S or stops
-                self.witness.look(judged=chain.now > 2.0 and not by_person and not handed_back)
+                handed_back = chain.now > self.ended + AFTER_S
+                self.witness.look(judged=self.engaged and not by_person and not handed_back)
         chain.close()
         if math.isnan(self.ended):
             self.gained = chain.truck.speed - self.start
@@ -276,7 +275,7 @@ class Run:
 
     def _is_over(self) -> bool:
         # what happens ahead after the hand-back is the driver's
-        rolls_out = self.scene.traffic in HARMLESS or self.ended < self.witness.happens + KNOWN_S
+        rolls_out = self.scene.traffic in HARMLESS or self.ended < self.witness.happens
         stands = self.chain.truck.speed < 0.1
         since = self.chain.now - self.ended
         over = (since > AFTER_S and (stands or rolls_out)) or since > TAKES_OVER_S
@@ -310,16 +309,14 @@ class Run:
     def verdict(self) -> Verdict:
         """What is broken of it."""
         scene, witness = self.scene, self.witness
-        control, unseen = self._control(), list[str]()
-        if self._brakes_by_itself and "control was kept" in control:  # it may be taken for our own braking
-            control.remove("control was kept")
-            unseen.append("control was kept")
-        broken = control + ([] if scene.early else self._frames())
-        hit, braked = self._hit(), witness.braked < BRAKED
+        unseen = list[str]()
+        broken = self._control() + ([] if scene.early else self._frames())
+        nearer = scene.traffic == "adjacent lane" or any(FAULTS[d.name].kind == "other" for d in scene.plan)
+        hit, braked = self._hit(), witness.braked < (YIELDED if nearer else BRAKED)
         if hit:
             (unseen if hit == "not prevented" else broken).append("hit")
         if braked:
-            known = self._known and scene.traffic != "adjacent lane" and not self._brakes_by_itself
+            known = self._known and not self._brakes_by_itself
             (broken if known else unseen).append("braked without cause")
         fully = math.nan if witness.fully is None else witness.fully.hit_speed
         ended = scene.begins if scene.early else self.ended
@@ -368,14 +365,11 @@ class Run:
         harmless, fully = scene.traffic in HARMLESS, witness.fully
         if math.isnan(witness.hit) or (fully is not None and witness.hit <= fully.hit_speed + WORSE):
             return ""
-        if self.ended < witness.happens + (0.0 if harmless else KNOWN_S) or self.reason.startswith("driver"):
+        if self.ended < witness.happens or self.reason.startswith("driver"):
             return ""  # the driver had it
         blind = self.ended < witness.known_at and not (harmless and self._known)
         blind |= fully is None and not (harmless and self._known)
-        faults = {d: FAULTS[d.name] for d in scene.plan}
-        blind |= any(d.at > witness.known_at and one.signals == ("brake",) for d, one in faults.items())
-        blind |= any(one.machine == "forger" for one in faults.values())  # others drive the engine on
-        return "not prevented" if blind or self.reason in UNHEARD else "hit"
+        return "not prevented" if blind or self.reason == UNHEARD else "hit"
 
 
 def play(

@@ -311,7 +311,7 @@ def must_end(name: str, size: float, lasts: float, vehicle: Vehicle) -> bool:
     """
     machine, kind, signals, _ = FAULTS[name]
     if machine in ("nobody", "forger", "driver", "once", "person"):
-        return machine != "nobody" and (machine != "person" or lasts > 0.3)
+        return machine != "nobody" and (machine != "person" or lasts > 0.301)
     if machine == "node":  # a pause counts by its own length
         long = size > 0.3 if kind == "paused" else lasts >= 1.0 or kind in ("NaN", "outside")
         return kind != "flood" and long
@@ -357,12 +357,12 @@ def must_bridge(name: str, lasts: float) -> bool:
 # What the truck does then is no fault of a receiver, as nothing that it hears contradicts it, or not at once.
 UNSEEN: dict[str, str] = {
     **dict.fromkeys(
-        ("gap scale", "radar scale", "gap other", "radar other", "gap offset", "radar offset"),
+        ("gap scale", "radar scale", "gap offset", "radar offset"),
         "nearer it is a vehicle that cuts in",
     ),
     "gap drift": "a range that closes in faster than the speeds say is assumed",
     **dict.fromkeys(
-        ("leader_speed drift", "leader_speed scale", "leader_speed other", "leader_speed value"),
+        ("leader_speed drift", "leader_speed scale", "leader_speed value"),
         "it is a leader that brakes, until range and speeds differ by 2 m",
     ),
     **dict.fromkeys(
