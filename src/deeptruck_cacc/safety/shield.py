@@ -27,7 +27,7 @@ class Ahead(NamedTuple):
     slowing: Array  # m/s^2, its braking when measured, by that filter
     braking: Array  # m/s^2, the hardest that it brakes while it is not measured
     unseen_s: Array  # s, since it was; inf for never
-    near: Array  # 1 while it has been nearer than the limit since it appeared
+    near: Array  # 1 where it has been nearer than the limit ever since it appeared, else 0
 
     @classmethod
     def never(cls, objects: int, batch: int) -> Ahead:
@@ -241,17 +241,14 @@ class Shield:
         gain = self.brakes.gain_of(len(truck.speed))
         slack = ahead.gap - p.needed_gap(truck.speed, ahead.speed, truck.heat, p.dt, gain)
         known = self._counts & np.isfinite(ahead.unseen_s)
-        near = ahead.near * (slack < 0)
-        self._ahead = ahead._replace(near=near)
-        appeared = np.max(np.where(known, near, 0.0) * self._share_for(self._braking_to_stop()), axis=0)
+        self._ahead = ahead._replace(near=np.where(slack < 0, ahead.near, 0.0))
+        near = known & (self._ahead.near > 0)
+        needs = self._share_for(self._braking_to_stop())
+        appeared = np.max(np.where(near, needs, 0.0), axis=0)
         # The first one before its first measurement has a gap of 0.
-        self.room_m = np.take_along_axis(
-            slack, np.argmin(np.where(known, slack, np.inf), axis=0)[None], axis=0
-        )[0]
-        slack = np.where(known & (near > 0.0), p.ease_m, slack)
-        first = np.argmin(np.where(known, slack, np.inf), axis=0)[None]
-        least, unseen = (np.take_along_axis(x, first, axis=0)[0] for x in (slack, ahead.unseen_s))
-        return least, unseen > 0, appeared
+        self.room_m = _at_least(slack, known, slack)
+        slack = np.where(near, p.ease_m, slack)
+        return _at_least(slack, known, slack), _at_least(slack, known, ahead.unseen_s) > 0, appeared
 
     def _move(self, gap: Array, leader_speed: Array, speed: Array) -> None:
         """Bounds from this step's measurements and the last bounds.
@@ -283,3 +280,9 @@ class Shield:
         )
         fastest = np.where(np.isfinite(speed), speed + p.speed_error, faster)
         self._truck = truck._replace(speed=np.maximum(fastest, 0.0))
+
+
+def _at_least(slack: Array, known: Mask, of: Array) -> Array:
+    """What the known object with the least slack has, (batch,); of the first one where none is known."""
+    first = np.argmin(np.where(known, slack, np.inf), axis=0)[None]
+    return np.asarray(np.take_along_axis(of, first, axis=0)[0])
