@@ -257,7 +257,8 @@ class Tracker:
         # Since its last reading its speed is taken to have changed evenly.
         beyond = gap - old.range - 0.5 * (leader - old.speed) * elapsed
         # A single jump is another point of reflection; what comes nearer twice as fast does come nearer.
-        within = np.clip(beyond, np.minimum(-step, np.maximum(beyond, old.beyond)), step)
+        jump = np.where(old.beyond < -step, np.maximum(beyond, old.beyond), 0.0)
+        within = np.where(beyond < -step, jump, np.minimum(beyond, step))
         same = np.abs(beyond) <= step  # else another point of reflection
         opened = np.maximum(
             old.opened + same * np.nan_to_num(beyond) - (self.leak + 0.1 * self._noise_m) * elapsed, 0.0
