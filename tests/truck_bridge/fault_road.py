@@ -5,11 +5,11 @@
 faults, slope and load. Every run is drawn from its seed.
 
 A run is broken where the truck hits what is ahead faster than full braking would from the second true reading
-after it happened; where it brakes beyond 1 m/s^2 (2.5 for what is read in another lane) and neither traffic nor the true gap is the cause, until 3 s
-after control was handed back; where control is kept for more than 1 s on a speed that another signal
-contradicts beyond the vehicle's own tolerances; where the chain does not hand back on a fault that demands
-it, or does so on one that is to be bridged or without any; and where a frame leaves that must not
-(`fault_judge.py`).
+after it happened; where it brakes beyond 1 m/s^2 (2.5 for what is read in another lane) and neither traffic
+nor the true gap is the cause, until 3 s after control was handed back; where control is kept for
+more than 1 s on a speed that another signal contradicts beyond the vehicle's own tolerances; where the chain
+does not hand back on a fault that demands it, or does so on one that is to be bridged or without any; and
+where a frame leaves that must not (`fault_judge.py`).
 """
 
 from __future__ import annotations
