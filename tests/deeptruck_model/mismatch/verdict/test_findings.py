@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.prepare.drives import PreparedDrives
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.verdict import wording
-from deeptruck_model.mismatch.verdict.findings import _alternatives, _finding, findings
+from deeptruck_model.mismatch.verdict.findings import findings
 from deeptruck_model.mismatch.verdict.result import Finding, Kind
 
 RULES = Rules()
@@ -145,8 +145,14 @@ def test_names_that_these_drives_do_not_distinguish_have_the_size_that_each_need
     terms = [t for t in simplest_terms(p) if t.mechanism.effect == name]
     correction = replace(NOTHING, terms=tuple(terms))
     named = Named(name, Tree({name: 0.5, "drag_area": 0.4}), 10.0, p.force(name, given), given=given)
-    f = _finding(c, named, Kind.PHYSICS, "resistance grows with speed", named.force)
-    own, other = _alternatives(c, correction, f, named)
-    assert (own.name, own.probability, other.name) == (name, 0.5, "drag_area")
+    unsure, stated = (
+        replace(named, tree=tree) for tree in (named.tree, Tree({name: 0.95, "drag_area": 0.04}))
+    )
+    one, other = (
+        findings(replace(c, names=replace(c.names, found=(n,))), correction, None, 0.0, RULES.visible)[0]
+        for n in (unsure, stated)
+    )
+    own, rival = one.alternatives
+    assert (own.name, own.probability, rival.name) == (name, 0.5, "drag_area")
     assert own.times_usual is not None and 1.5 < own.times_usual < 6.0
-    assert list(_alternatives(c, correction, replace(f, stated=name), named)) == []
+    assert other.stated == name and other.alternatives == ()

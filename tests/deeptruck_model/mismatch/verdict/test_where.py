@@ -36,16 +36,18 @@ def test_a_border_is_at_zero_where_it_is_that_near_to_it(border: float, printed:
     assert (bound.low == 0.0) is (printed == 0.0)
 
 
-def test_the_leaves_are_the_corners_in_which_the_power_is_and_none_is_smaller_than_allowed() -> None:
-    rng = np.random.default_rng(0)
-    X = np.stack([rng.uniform(0.0, 30.0, 4000), rng.integers(1, 13, 4000), rng.normal(size=4000)], axis=1)
-    X[::7, 2] = np.nan  # unknown, and of no effect
-    hot = (X[:, 0] > 20.0) & (X[:, 1] <= 4)
-    leaves = where._boxes(X, np.where(hot, 9.0, 1.0), 40)
-    assert sum(len(rows) for rows, _ in leaves) == 4000 and min(len(rows) for rows, _ in leaves) >= 40
-    (inside,) = [box for rows, box in leaves if hot[rows].all()]
-    assert inside == {0: (pytest.approx(20.0, abs=0.05), np.inf), 1: (-np.inf, 4.5)}
-    assert len(where._boxes(X, np.ones(4000), 40)) == 1
+def test_a_regime_is_the_corner_in_which_the_error_is_and_none_is_smaller_than_allowed() -> None:
+    e, rng = evidence(), np.random.default_rng(0)
+    gear = rng.integers(1, 13, len(e)).astype(float)
+    gap = np.where(np.arange(len(e)) % 7, rng.normal(40.0, 5.0, len(e)), np.nan)
+    e = replace(e, signals=e.signals | {"gear": gear, "gap": gap})
+    hot = (e["speed"] > 16.0) & (gear > 4) & (gear < 8)
+    found = where.regimes(e, np.where(hot, 3.0, 1.0))
+    bounds = {b.signal: (b.low, b.high) for b in found[0].bounds}
+    assert bounds == {"speed": (pytest.approx(16.0, abs=0.1), np.inf), "gear": (4.5, 7.5)}
+    rare = where.regimes(e, np.where(gap > np.nanquantile(gap, 0.995), 3.0, 1.0))
+    assert all(r.share_of_time >= 0.01 for r in rare)
+    assert where.regimes(e, np.ones(len(e))) == []
 
 
 def test_an_event_has_the_channels_that_move_in_it_as_they_seldom_do() -> None:
