@@ -115,46 +115,31 @@ def test_an_examination_of_nothing_is_refused(
 
 
 @pytest.mark.parametrize(
-    ("simulator", "recording", "says"),
+    ("simulator", "words", "says"),
     [
-        ("truck:no_such", "short", "no_such"),
-        ("nowhere", "short", "nowhere does not exist; give a simulator directory"),
-        ("truck:trucksim", "nowhere", "nowhere"),
-        ("truck:volvo", "short", "engine_command in N m, the simulator in percent"),
+        ("truck:no_such", "--recordings short --out found", "no_such"),
+        ("nowhere", "--recordings short --out found", "nowhere does not exist; give a simulator directory"),
+        ("truck:volvo", "--recordings short --out found", "engine_command in N m, the simulator in percent"),
+        ("truck:trucksim", "--recordings nowhere --out found", "nowhere"),
+        ("truck:trucksim", "--recordings=short nowhere --out found", "nowhere does not exist"),
+        ("truck:trucksim", "--recordings short --out found nowhere", "extra argument(s) (nowhere)"),
+        ("truck:trucksim", "--recordings short --held-out --out found", "--held-out is empty"),
+        ("truck:trucksim", "--recordings --out found", "--recordings is empty"),
     ],
 )
-def test_bad_input_is_one_line_and_exit_code_2(
-    script: Callable[..., tuple[int, str, str]], tmp_path: Path, simulator: str, recording: str, says: str
-) -> None:
-    bag(tmp_path, "short", 9, 20.0)
-    out = tmp_path / "found"
-    code, said, errors = script(
-        "mismatch", "--simulator", simulator, "--recordings", tmp_path / recording, "--out", out
-    )
-    assert code == 2 and says in errors and "Traceback" not in errors
-    assert errors.strip().count("\n") == 0 and not said and not out.exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (("--recordings=short", "nowhere", "--out", "found"), "nowhere does not exist"),
-        (("--recordings", "short", "--out", "found", "nowhere"), "unexpected extra argument(s) (nowhere)"),
-        (("--recordings", "short", "--held-out", "--out", "found"), "--held-out is empty"),
-        (("--recordings", "--out", "found"), "--recordings is empty"),
-    ],
-)
-def test_what_is_given_is_used_or_refused(
+def test_what_cannot_be_used_is_one_line_and_exit_code_2(
     script: Callable[..., tuple[int, str, str]],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    words: tuple[str, ...],
+    simulator: str,
+    words: str,
     says: str,
 ) -> None:
     bag(tmp_path, "short", 9, 20.0)
     monkeypatch.chdir(tmp_path)
-    code, said, errors = script("mismatch", "--simulator", "truck:trucksim", *words)
-    assert code == 2 and says in errors and not said and not (tmp_path / "found").exists()
+    code, said, errors = script("mismatch", "--simulator", simulator, *words.split())
+    assert code == 2 and says in errors and errors.strip().count("\n") == 0
+    assert not said and not (tmp_path / "found").exists()
 
 
 def test_a_list_is_spread_however_it_is_written() -> None:

@@ -100,90 +100,43 @@ REFITTED = replace(
         "torque_gain": Refitted(0.02, (-0.01, 0.05)),
     },
 )  # fmt: skip
-HEADLINES = [
-    (Verdict(PHYSICS, (WIND,)), "Headwind is missing: to confirm it, drive both ways"),
-    (Verdict(PHYSICS, (WIND,), fit=FIT), "Headwind is missing: apply the correction"),
-    (
-        Verdict(PHYSICS, (replace(WIND, in_drives=("b", "c")),)),
-        "Headwind is missing, in b, c alone: to confirm it, drive both ways",
-    ),
-    (
-        Verdict(PHYSICS, (UNSURE,)),
-        "Most probable cause: headwind (52 %), rolling resistance speed (40 %) or 1 other: to confirm it, "
-        "drive both ways",
-    ),
-    (
-        Verdict(PHYSICS, (replace(WIND, stated="mismatch", probability=0.85, separating_manoeuvre=""),)),
-        "Most probable cause: headwind (85 %): see what to do",
-    ),
-    (
-        Verdict(PHYSICS, (replace(WIND, share_of_error=0.2),), budget=parts(load=(0.6, 0.4, 0.7))),
-        "Headwind is missing, and a larger part (load) has no certain cause: to confirm it, drive both ways",
-    ),
-    (
-        Verdict(PHYSICS, (LOADS,)),
-        "Payload change is missing (a -4,020 kg, c +9,760 kg): set the mass of each drive",
-    ),
-    (Verdict(PARAMETER, (MASS,)), "Mass of the simulator is wrong: to confirm it, drive both ways"),
-    (
-        Verdict(PHYSICS, (SLOW,)),
-        "A slow force that no recorded channel explains, as a slope or wind is: drive both ways",
-    ),
-    (Verdict(SENSOR, (BIAS,)), "The accelerometer has the wrong sign: repair the sensor"),
-    (
-        Verdict(PHYSICS, (WIND,), advice=GOOD),
-        "Headwind is missing; otherwise the simulator is good enough for these drives",
-    ),
-    (
-        Verdict(PHYSICS, (WIND,), advice=GOOD, fit=FIT),
-        "Headwind is missing; otherwise the simulator is good enough for these drives; better still: apply "
-        "the correction",
-    ),
-    (
-        Verdict(NOTHING, (DRAG,)),
-        "The simulator is good enough for these drives, although drag area may be wrong (68 %)",
-    ),
-    (
-        Verdict(NOTHING, events=(GUST, GUST, SHIFT)),
-        "Nothing that matters is missing, but for 2 events of seconds: the simulator is good enough for "
-        "these drives",
-    ),
-    (
-        Verdict(Conclusion.UNDETERMINED, events=(GUST,), advice=OFF, fit=FIT),
-        "The simulator is not good enough for these drives, and no cause is established: apply the "
-        "correction",
-    ),
-    (
-        Verdict(Conclusion.UNDETERMINED, advice=OFF, fit=REFITTED),
-        "Mass +17 % and drag area -20 % are wrong together: apply the refitted parameters",
-    ),
-    (
-        Verdict(Conclusion.UNDETERMINED, advice=OFF, fit=replace(REFITTED, errors=errors(0.6, 0.4))),
-        "The simulator is not good enough for these drives, and no cause is established: apply the refitted "
-        "parameters",
-    ),
-    (
-        Verdict(Conclusion.UNDETERMINED, advice=NO_RUN),
-        "Undetermined: no held-out recording is long enough for a free run: see what to do",
-    ),
-    (
-        Verdict(PHYSICS, (WIND,), fit=FIT, data=Data(doubts=("are the two swapped?",))),
-        "Headwind is missing: settle the doubtful input",
-    ),
-    (
-        Verdict(
-            Conclusion.UNDETERMINED,
-            fit=replace(FIT, corrected_parameters={"mass": 0.101, "drag_area": 0.19, "torque_gain": 0.002}),
-        ),
-        "Mass +10 % and drag area +19 % are wrong together: apply the correction",
-    ),
-]
+UNDETERMINED = Conclusion.UNDETERMINED
+SHIFTED = replace(FIT, corrected_parameters={"mass": 0.101, "drag_area": 0.19, "torque_gain": 0.002})
+HEADLINES = [  # a verdict, and what is named, by how much, and what is to be done
+    (Verdict(PHYSICS, (WIND,)), "Headwind is .*drive both ways"),
+    (Verdict(PHYSICS, (WIND,), fit=FIT), "Headwind is .*apply the correction"),
+    (Verdict(PHYSICS, (replace(WIND, in_drives=("b", "c")),)), "Headwind is .* b, c .*drive both ways"),
+    (Verdict(PHYSICS, (UNSURE,)),
+     r" headwind \(52 %\), rolling resistance speed \(40 %\) or 1 other.*both ways"),
+    (Verdict(PHYSICS, (replace(WIND, stated="mismatch", probability=0.85, separating_manoeuvre=""),)),
+     r" headwind \(85 %\): see"),
+    (Verdict(PHYSICS, (replace(WIND, share_of_error=0.2),), budget=parts(load=(0.6, 0.4, 0.7))),
+     r"Headwind is .*larger part \(load\).*drive both ways"),
+    (Verdict(PHYSICS, (LOADS,)), r"Payload change is .*\(a -4,020 kg, c \+9,760 kg\): set the mass"),
+    (Verdict(PARAMETER, (MASS,)), "Mass .* is wrong: .*drive both ways"),
+    (Verdict(PHYSICS, (SLOW,)), "slow force .*drive both ways"),
+    (Verdict(SENSOR, (BIAS,)), "wrong sign: repair"),
+    (Verdict(PHYSICS, (WIND,), advice=GOOD), "Headwind is .*good enough for these drives$"),
+    (Verdict(PHYSICS, (WIND,), advice=GOOD, fit=FIT), "Headwind is .*good enough .*apply the correction"),
+    (Verdict(NOTHING, (DRAG,)), r"good enough .*drag area .*\(68 %\)"),
+    (Verdict(NOTHING, events=(GUST, GUST, SHIFT)), "Nothing .* 2 events .*good enough"),
+    (Verdict(UNDETERMINED, events=(GUST,), advice=OFF, fit=FIT), "not good enough .*apply the correction"),
+    (Verdict(UNDETERMINED, advice=OFF, fit=REFITTED),
+     r"Mass \+17 % and drag area -20 % are wrong .*refitted parameters"),
+    (Verdict(UNDETERMINED, advice=OFF, fit=replace(REFITTED, errors=errors(0.6, 0.4))),
+     "not good enough .*refitted parameters"),
+    (Verdict(UNDETERMINED, advice=NO_RUN), "no held-out recording .*: see"),
+    (Verdict(PHYSICS, (WIND,), fit=FIT, data=Data(doubts=("are the two swapped?",))),
+     "Headwind is .*: settle"),
+    (Verdict(UNDETERMINED, fit=SHIFTED),
+     r"Mass \+10 % and drag area \+19 % are wrong .*apply the correction"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("verdict", "says"), HEADLINES)
 def test_the_first_line(verdict: Verdict, says: str) -> None:
     """It has one kind of percent, and no share of the error beside a probability."""
-    assert lines.headline(verdict) == says
+    assert re.search(says, lines.headline(verdict)), lines.headline(verdict)
 
 
 ADDED = replace(
@@ -261,7 +214,7 @@ LINES = [  # a verdict, what is said, and what is not
         "more",
     ),
     (
-        Verdict(Conclusion.UNDETERMINED, tree=(Node("brakes", "mismatch", 0.4),)),
+        Verdict(UNDETERMINED, tree=(Node("brakes", "mismatch", 0.4),)),
         "No name is established; parts of the truck: brakes 40 %.",
         "Apply",
     ),
