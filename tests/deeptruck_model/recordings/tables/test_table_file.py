@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pyarrow import parquet
 
 from deeptruck_core.errors import InputError
@@ -172,50 +170,6 @@ def test_what_a_curve_leaves_out_is_said(tmp_path: Path, capsys: pytest.CaptureF
         [0, 0.02],
     ]
     assert "road.csv: 3 rows read, 2 used, 1 set aside" in capsys.readouterr().err
-
-
-DAMAGE = st.sampled_from(
-    ["drop", "cut", "longer", "word", "no time", "header", "blank", "empty", "quote", "units"]
-)
-
-
-@settings(max_examples=150)
-@given(st.lists(st.tuples(DAMAGE, st.integers(0, 39)), max_size=5), st.sampled_from(["", ",", ",,"]))
-def test_every_row_is_used_or_set_aside(
-    tmp_path_factory: pytest.TempPathFactory, damage: list[tuple[str, int]], trail: str
-) -> None:
-    """Rows read are the filled lines below the header, and each of them is accounted for."""
-    rows = {k: f"{k / 10:.1f},{10 + k % 3},7{trail}" for k in range(40)}
-    for kind, at in damage:
-        if kind == "drop":
-            rows.pop(at, None)
-        elif at in rows:
-            rows[at] = {
-                "cut": rows[at][:5],
-                "longer": f"{rows[at]},5,5,5",
-                "word": rows[at].replace(",1", ",x"),
-                "no time": "," + rows[at].partition(",")[2],
-                "header": f"{rows[at]}\nt,v,g{trail}",
-                "blank": f"{rows[at]}\n,,",
-                "empty": f"{rows[at]}\n",
-                "quote": rows[at].replace(",7", ',"7'),
-                "units": f"{rows[at]}\ns,m/s,-{trail}",
-            }[kind]
-    lines = [line for row in rows.values() for line in row.split("\n") if line]
-    folder = tmp_path_factory.mktemp("damaged")
-    (folder / "drive.csv").write_text("\n".join([f"t,v,g{trail}", *rows.values()]) + "\n")
-    channels = {**COLUMNS["channels"], "gear": {"column": "g"}}
-    try:
-        recordings = import_table(
-            folder / "drive.csv", {**COLUMNS, "channels": channels}, folder / "bag"
-        ).recordings
-    except InputError as error:
-        assert "\n" not in str(error)
-        return
-    found = recordings[0].account
-    assert found is not None and all(recording.account is found for recording in recordings)
-    assert found.total.read == len(lines)
-    assert found.balanced
 
 
 @pytest.mark.parametrize(
