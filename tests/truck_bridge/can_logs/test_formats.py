@@ -58,12 +58,11 @@ def reasons(account: Account) -> dict[str, int]:
 
 class OfAFormat:
     """What holds for each format. `holds` are the classes of frames that it can hold, `buses` the names of
-    can0 and can1, `text` whether a killed recorder leaves half a line."""
+    can0 and can1."""
 
     name: ClassVar[str]
     holds: ClassVar[set[str]] = {"standard", "remote", "fd", "error"}
     buses: ClassVar[tuple[str, ...]] = ("can0", "can1")
-    text: ClassVar[bool] = False
 
     def write(self, path: Path, messages: list[can.Message]) -> Path:
         """By the writer of python-can."""
@@ -108,9 +107,18 @@ class OfAFormat:
         with pytest.raises(InputError, match=r"packed\S+ cannot be unpacked"):
             taken(packed)
 
+    def test_another_file_of_this_suffix_is_one_line(self, drive: Path) -> None:
+        for content in (b"", b"rubbish\nof two lines\n" * 9, b"\x00\x01\xff" * 99):
+            drive.write_bytes(content)
+            with pytest.raises(InputError, match=drive.name) as error:
+                taken(drive)
+            assert "\n" not in str(error.value)
+
+
+class OfLines(OfAFormat):
+    """What holds for each format of lines, of which a killed recorder leaves half a one."""
+
     def test_a_last_line_that_was_cut_off_is_counted(self, drive: Path) -> None:
-        if not self.text:
-            return
         text = drive.read_text().rstrip("\n")
         for kept in (4, 9, 20):  # characters that lack
             drive.write_text(text[:-kept])
@@ -118,8 +126,6 @@ class OfAFormat:
             assert len(frames) == len(DRIVE) - 1 and reasons(account) == {CUT: 1}
 
     def test_what_is_no_frame_is_counted_or_refused_with_its_line(self, drive: Path) -> None:
-        if not self.text:
-            return
         lines = drive.read_text().splitlines(keepends=True)
         drive.write_text("".join([*lines[:-10], lines[-10][:-8] + "\n", *lines[-9:]]))
         try:
@@ -129,16 +135,9 @@ class OfAFormat:
         else:
             assert len(frames) == len(DRIVE) - 1 and sum(reasons(account).values()) == 1
 
-    def test_another_file_of_this_suffix_is_one_line(self, drive: Path) -> None:
-        for content in (b"", b"rubbish\nof two lines\n" * 9, b"\x00\x01\xff" * 99):
-            drive.write_bytes(content)
-            with pytest.raises(InputError, match=drive.name) as error:
-                taken(drive)
-            assert "\n" not in str(error.value)
 
-
-class TestCandump(OfAFormat):
-    name, text = "drive.log", True
+class TestCandump(OfLines):
+    name = "drive.log"
 
     def write(self, path: Path, messages: list[can.Message]) -> Path:
         """With error frames as candump has them; python-can's writer leaves out their identifier."""
@@ -154,10 +153,10 @@ def _logged(m: can.Message, flags: int) -> str:
     return f"({m.timestamp:.6f}) {m.channel} {digits}#{data}\n"
 
 
-class TestConsole(OfAFormat):
+class TestConsole(OfLines):
     """candump on a terminal, with all columns, and text decoded below."""
 
-    name, text = "drive.log", True
+    name = "drive.log"
 
     def write(self, path: Path, messages: list[can.Message]) -> Path:
         (path / self.name).write_text("".join(map(_printed, messages)))
@@ -173,8 +172,8 @@ def _printed(m: can.Message) -> str:
     return f" ({m.timestamp:.6f})  {m.channel}  RX - -  {digits}  {size}  {data}{behind}\n"
 
 
-class TestAsc(OfAFormat):
-    name, text, buses = "drive.asc", True, ("1", "2")
+class TestAsc(OfLines):
+    name, buses = "drive.asc", ("1", "2")
 
     def write(self, path: Path, messages: list[can.Message]) -> Path:
         super().write(path, messages)
@@ -183,8 +182,8 @@ class TestAsc(OfAFormat):
         return path / self.name
 
 
-class TestTrc(OfAFormat):
-    name, text, holds, buses = "drive.trc", True, {"standard"}, ("1", "2")
+class TestTrc(OfLines):
+    name, holds, buses = "drive.trc", {"standard"}, ("1", "2")
 
 
 class TestBlf(OfAFormat):
