@@ -129,6 +129,7 @@ def test_a_killed_supervisor_leaves_nobody_behind_and_the_domain_free(
     assert any(said.startswith(line) for said in run.process.stdout)
     children = run.children
     run.process.kill()
+    run.process.wait()  # it holds the lock until it has ended
     assert all_gone(children)
     environment.DomainLock(domain).release()
 

@@ -87,7 +87,7 @@ def test_intervals_hold_what_is_known() -> None:
     held = np.mean(inside, axis=0)
     print(*(f"{n}: {100.0 * h:.0f} % held, error {e:.3f}" for n, h, e in zip(names, held, rms, strict=True)))
     assert held.min() > 0.6
-    assert np.max(np.abs(errors), axis=0)[-1] < 0.03
+    assert np.max(np.abs(errors), axis=0)[-1] < 0.04
 
 
 def _known(seed: int) -> tuple[dict[str, float], Budget]:
