@@ -175,7 +175,7 @@ TRUTHS = {
         [loaded(kg) for kg in (1500.0, 3500.0, 5500.0, 2500.0, 4500.0)],
         "Payload change is missing",
         ("payload_change", "change[round2]", 5500.0),
-        (0.5, 0.3),
+        (0.5, 0.35),  # with the mean load of the fitted drives, 1.25 t below that of the one held out
     ),
     "dragging brake": Truth(
         [Refuse(drags=1.0)] * 5, "Dragging brake is missing", ("dragging_brake", "keeps_s", 12.0), (0.4, 0.05)

@@ -2,16 +2,16 @@
 
 There are three candidates: the simulator as given; what is stated, accepted names and parameters with sizes
 by exact runs; and the same with the mean of everything else that is in the draws. A name whose force is
-another in each drive has its sizes from these runs too, and carries none to further drives. All parameters,
-fitted by exact runs with nothing else, stand beside. What predicts fitted drives that are left out best is
-driven along the held-out ones.
+another in each drive has its sizes from these runs too, and carries their mean to further drives. All
+parameters, fitted by exact runs with nothing else, stand beside. What predicts fitted drives that are left
+out best is driven along the held-out ones.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from deeptruck_core.arrays import Array, Indices, Mask
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.fit_result import Interval, Refitted
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, confined
-from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Where, conditions
+from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, EachDrive, Where, conditions
 from deeptruck_model.mismatch.mechanisms.families import PARAMETER_ERRORS, UNKNOWN
 from deeptruck_model.mismatch.mechanisms.record import Mechanism
 from deeptruck_model.mismatch.posterior.exact import Exact, Fitted, Part, Setting
@@ -80,11 +80,14 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
         free = [n for n in free if n != name]
         parts = [q for q in parts if q.mechanism.effect != name]
         stated = fitted(free, parts) if free or parts else None
+    mean = [_of_any_drive(q) for q in parts]
+    carried = stated if mean == parts else fitted(free, mean)
     rest = _nameless(p, given, {*free, *(q.mechanism.effect for q in parts)})
-    and_more = fitted(free, [*parts, *rest]) if rest else None
+    and_more = fitted(free, [*mean, *rest]) if rest else None
     before = _rms(p.regression.e, _as_given(alone), folds)
-    errors = {id(x): _rms_left_out(x, folds) for x in (stated, and_more, alone) if x is not None}
-    chosen = sized = _better_of(stated, and_more, errors, before, p.regression.rules.better)
+    errors = {id(x): _rms_left_out(x, folds) for x in (carried, and_more, alone) if x is not None}
+    chosen = _better_of(carried, and_more, errors, before, p.regression.rules.better)
+    sized = chosen if chosen is not None and mean == parts else stated
     if chosen is not None and not (chosen.setting.moved or any(map(_general, chosen.setting.parts))):
         chosen = None
     left_out = {"before": before, "parameters_only": errors[id(alone)]}
@@ -93,7 +96,7 @@ def correct(simulator: Simulator, c: Compared) -> Correction:
     return Correction(
         _truck(simulator, chosen),
         _truck(simulator, alone),
-        sized if sized is not None else stated,
+        sized,
         {} if chosen is None else _forces(chosen, named),
         {} if chosen is None else {n: _refitted(simulator, chosen, n) for n in free},
         {n: _refitted(simulator, alone, n) for n in p.regression.parameters},
@@ -138,6 +141,15 @@ def _term(p: Posterior, m: Mechanism, force: Array) -> CandidateTerm | None:
 def _general(part: Part) -> bool:
     """Whether a part applies to any drive."""
     return part.variant.course.general
+
+
+def _of_any_drive(part: Part) -> Part:
+    """A part that applies to any drive: of one with a coefficient for each drive their mean."""
+    course = part.variant.course
+    if not isinstance(course, EachDrive):
+        return part
+    means = np.array(part.b).reshape(-1, len(course.names))
+    return Part(part.mechanism, replace(part.variant, course=ALWAYS), tuple(means.mean(axis=1).tolist()))
 
 
 def _part(term: CandidateTerm, b: Array) -> Part:

@@ -10,6 +10,7 @@ import numpy as np
 from deeptruck_model.mismatch.correction.from_draws import Correction
 from deeptruck_model.mismatch.correction.validate import Validated
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
+from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.families import ROOT, UNKNOWN
 from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.posterior.names import Compared, Named, Node
@@ -42,8 +43,8 @@ class Numbers:
     free of gaps). The `reference_error` of a learned simulator on its held-out recordings (None if it is not
     learned or not known). Which simulators are significantly `better` than the one as given; the error of the
     corrected one without signals beyond the protocol (`bare`, None if it needs none); whether anything
-    `is_corrected`, and under a name (`named`); which inputs are `missing`, and `doubts` about those that are
-    there.
+    `is_corrected`; whether a name is stated or corrected (`named`); which inputs are `missing`, and `doubts`
+    about those that are there.
     """
 
     kinds: Sequence[Kind] = ()
@@ -97,8 +98,8 @@ def _good_enough(n: Numbers, rules: Rules) -> bool:
 
 def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
     """Of the simulators that are significantly better than the one as given the one with the least error
-    along held-out drives: all parameters refitted alone only where the correction has no name, so that what
-    is offered is what is stated. The correction only if it is, without signals that others lack, no worse
+    along held-out drives: all parameters refitted alone only where no name is stated, so that what is offered
+    is what is stated. The correction only if it is, without signals that others lack, no worse
     than the one as given.
     If nothing is missing, it must reduce the error by as much as a drift must make to be a finding."""
     errors = {CORRECTION: n.corrected} | ({} if n.named else {REFIT: n.parameters_only})
@@ -206,7 +207,9 @@ def conclude(c: Compared, correction: Correction, driven: Validated, stated: Sta
     """The verdict from all results of the comparison, of which nothing is measured again."""
     rules, found = c.regression.rules, stated.findings
     sure = [f.stated != ROOT for f in found]
-    numbers = replace(_numbers(c, driven), kinds=[f.kind for f in found], sure=sure)
+    numbers = _numbers(c, driven)
+    named = numbers.named or any(f.stated == f.effect in LIBRARY for f in found)
+    numbers = replace(numbers, kinds=[f.kind for f in found], sure=sure, named=named)
     kind = conclusion(numbers, rules)
     best = offered(numbers, kind, rules)
     return Verdict(
@@ -241,9 +244,11 @@ def name_tree(c: Compared, slope: Named | None) -> tuple[Node, ...]:
 
 
 def tolerated(c: Compared, driven: Validated) -> tuple[float, float]:
-    """The simulator's speed error, and that up to which it is good enough, m/s."""
-    numbers = _numbers(c, driven)
-    return numbers.error, tolerance(numbers.reference_error, c.regression.rules)
+    """The simulator's speed error, with refitted parameters where these are significantly better, and that up
+    to which it is good enough, m/s."""
+    n = _numbers(c, driven)
+    error = n.parameters_only if REFIT in n.better else n.error
+    return error, tolerance(n.reference_error, c.regression.rules)
 
 
 def _numbers(c: Compared, driven: Validated) -> Numbers:
