@@ -252,7 +252,7 @@ def test_a_driver_who_means_it_has_the_truck(vehicle, ask, within_s):
     assert chain.bridge.safety.reason.startswith("driver: ")
 
 
-HARDEST = {"trucksim": (4.4, 5.2), "freightliner": (6.5, 7.4), "volvo": (5.2, 6.1)}  # m/s^2, mean of 0.3 s
+HARDEST = {"trucksim": (4.4, 5.2), "freightliner": (5.3, 6.3), "volvo": (5.2, 6.1)}  # m/s^2, mean of 0.3 s
 
 
 @pytest.mark.parametrize("vehicle", TRUCKS)

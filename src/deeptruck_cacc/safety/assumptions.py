@@ -64,6 +64,10 @@ class Assumptions:
     yield_s: float = 9.0  # s
     yielding: float = 1.5  # m/s^2, the hardest braking that this asks for, and that any policy may ask for
     firm: float = 3.0  # m/s^2, the hardest that it asks for behind an object that brakes
+    pressed_above: float = 0.3  # m/s^2, from which it asks the brakes for it,
+    released_below: float = 0.06  # and down to which, once pressed
+    learns_s: float = 2.0  # s, over which it learns what the truck brakes less than it asks,
+    most_short: float = 0.8  # m/s^2, and at most: a descent of 8 %
     harder: float = 1.3  # times what stopping behind an object needs a policy may ask for too
     jerk: float = 3.0  # m/s^3, by which the braking of a policy changes
     bridged_s: float = 3.0  # s, for which a steady leader may vanish without more than `mild_braking`,

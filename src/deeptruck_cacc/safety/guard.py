@@ -216,7 +216,7 @@ class Guard:
         if self.shield is None:
             self.acted = np.zeros(len(engine), bool)
             return engine, brake
-        engine, brake = self.shield.gentle(engine, brake)
+        engine, brake = self.shield.gentle(engine, brake, grade)
         engine, brake = self.shield.limit(engine, brake, grade)
         self.acted = self.shield.acted
         return engine, brake

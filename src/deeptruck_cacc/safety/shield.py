@@ -46,12 +46,15 @@ class Truck(NamedTuple):
     pressed: Array  # share of the brake command that may still be in the brakes
     slack: Array  # m to the limit, through a filter of `soft_s`; NaN for none yet
     yielded: Array  # m/s^2, the braking that `gentle` requested last
+    yields: Mask  # whether it requested the brakes for it
+    short: Array  # m/s^2, by which the truck has braked less than that, by slope, load or brakes
 
     @classmethod
     def unknown(cls, batch: int) -> Truck:
         """Before the first measurement, with cold brakes."""
         nothing = np.zeros(batch)
-        return cls(np.full(batch, 40.0), nothing, nothing, nothing, np.full(batch, np.nan), nothing)
+        unknown = np.full(batch, np.nan)
+        return cls(np.full(batch, 40.0), nothing, nothing, nothing, unknown, nothing, nothing > 0.0, nothing)
 
 
 @dataclass
@@ -182,14 +185,15 @@ class Shield:
         slow, fast = np.maximum(speed - p.speed_error, 0.0), speed + p.speed_error + p.closing
         return p.needed_gap(fast, slow, heat, p.dt, gain) + p.gap_error + 2 * p.soft_m
 
-    def gentle(self, engine: Array, brake: Array) -> tuple[Array, Array]:
+    def gentle(self, engine: Array, brake: Array, grade: Array | float = np.nan) -> tuple[Array, Array]:
         """Commands with which the room before the limit shrinks in `yield_s` or slower, so that the shield
         need not brake; each (batch,). Call it after `see`.
 
-        For any policy. It asks the brakes alone, as if there were no drag, for `yielding` at most. While no
-        object is measured it goes on asking for what it did: released meanwhile, the brakes would have to
-        compensate later. A policy's own braking changes by `jerk` at most, and may be harder than `yielding`
-        only as far as stopping behind an object that brakes on as it does needs it.
+        For any policy. It asks brakes and slope alone, as if there were no drag, for `yielding` at most, and
+        for what the truck has braked less than that. While no object is measured it goes on asking for what
+        it did: released meanwhile, the brakes would have to compensate later. A policy's own braking changes
+        by `jerk` at most, and may be harder than `yielding` only as far as stopping behind an object that
+        brakes on as it does needs it.
         """
         p, truck, ahead = self.assumed, self._truck, self._ahead
         if ahead is None:
@@ -208,9 +212,11 @@ class Shield:
         asked = np.clip(np.where(seen.any(axis=0), pull, kept), 0.0, p.firm)
         less = p.mild_braking * p.dt / p.ease_s
         asked = np.clip(asked, truck.yielded - less, truck.yielded + p.jerk * p.dt)
-        self._truck = truck._replace(yielded=asked)
-        # below, the engine alone is taken back: a brake is no trim
-        least = np.where(asked > 0.5 * p.mild_braking, p.share_of(asked), 0.0) * self.brake_high
+        # a brake is no trim: for less the engine alone is taken back
+        of_brakes = asked - p.slope_pull * np.nan_to_num(np.asarray(grade, float)) + truck.short
+        yields = (asked > 0.0) & (of_brakes > np.where(truck.yields, p.released_below, p.pressed_above))
+        least = np.where(yields, p.share_of(of_brakes), 0.0) * self.brake_high
+        self._truck = truck._replace(yielded=asked, yields=yields)
         left = 1.0 - np.clip(asked / p.mild_braking, 0.0, 1.0)
         most = self._share_for(self._braking_to_stop().max(axis=0))
         brake = self.brakes.slewed(brake / self.brake_high, most) * self.brake_high
@@ -278,8 +284,10 @@ class Shield:
             np.where(received, 0.0, old.unseen_s + p.dt),
             old.near,
         )
-        fastest = np.where(np.isfinite(speed), speed + p.speed_error, faster)
-        self._truck = truck._replace(speed=np.maximum(fastest, 0.0))
+        fastest = np.maximum(np.where(np.isfinite(speed), speed + p.speed_error, faster), 0.0)
+        off = np.where(truck.yields, truck.yielded - (truck.speed - fastest) / p.dt, -truck.short)
+        short = np.clip(truck.short + p.dt / p.learns_s * off, 0.0, p.most_short)
+        self._truck = truck._replace(speed=fastest, short=np.where(np.isfinite(speed), short, truck.short))
 
 
 def _at_least(slack: Array, known: Mask, of: Array) -> Array:

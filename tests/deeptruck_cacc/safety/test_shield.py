@@ -14,6 +14,7 @@ from deeptruck_cacc.safety import proof, truck_limits
 from deeptruck_cacc.safety.assumptions import GOES_ON_S, Assumptions
 from deeptruck_cacc.safety.guard import guard, load_controller
 from deeptruck_cacc.safety.shield import Shield
+from deeptruck_core.constants import ROUNDED_GRAVITY
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import SPEED, TruckInterface
 from deeptruck_model import simulators
@@ -220,6 +221,9 @@ def test_a_reading_that_is_too_near_by_noise_alone_does_not_brake():
     assert sent[:4] == [0.0] * 4 and 0.0 < sent[-1] < 100.0 * (0.2 / 1.5) ** 2
 
 
+STEADY = replace(PROMISE, most_short=0.0)  # of a truck that keeps its speed, whatever is asked of it
+
+
 def gentle(shield: Shield, gap, leader, engine: float = 800.0, brake: float = 0.0) -> tuple[float, float]:
     """What `gentle` makes of commands at 20 m/s, and then the limit is told."""
     shield.see(gap, leader, column(20.0))
@@ -236,7 +240,7 @@ def test_the_room_before_the_limit_shrinks_no_faster_than_in_yield_s(leader, roo
 
     Below half of `mild_braking` by the engine alone.
     """
-    shield, speed = Shield(PROMISE, 0.0, 100.0), column(leader)
+    shield, speed = Shield(STEADY, 0.0, 100.0), column(leader)
     needed = PROMISE.needed_gap(column(20.1), column(leader - 0.1), column(0.0), PROMISE.dt)
     gap = needed + PROMISE.gap_error + room
     for _ in range(30):
@@ -252,7 +256,7 @@ def test_the_room_before_the_limit_shrinks_no_faster_than_in_yield_s(leader, roo
 
 def test_behind_a_leader_that_brakes_it_gives_way_earlier_and_unseen_as_if_that_went_on():
     def asked(braking):
-        shield, nan = Shield(PROMISE, 0.0, 100.0), column(np.nan)
+        shield, nan = Shield(STEADY, 0.0, 100.0), column(np.nan)
         gap = PROMISE.needed_gap(column(20.1), column(15.9), column(0.0), PROMISE.dt) + 5.0
         for k in range(20):
             commands = gentle(shield, gap, column(16.0 + 0.1 * braking * (19 - k)))
@@ -269,7 +273,7 @@ def test_behind_a_leader_that_brakes_it_gives_way_earlier_and_unseen_as_if_that_
 @pytest.mark.parametrize(("leader", "gap", "most"), [(20.0, 200.0, 1.5), (0.0, 75.0, 4.33)])
 def test_a_policy_that_brakes_without_need_is_held_to_yielding_and_jerk(leader, gap, most):
     """Behind a standing object 75 m ahead as hard as 1.3 times what stops there; else by 1.5 m/s^2."""
-    shield = Shield(PROMISE, 0.0, 100.0)
+    shield = Shield(STEADY, 0.0, 100.0)
     brakes = []
     for _ in range(40):
         brakes.append(gentle(shield, column(gap), column(leader), brake=100.0)[1] / 100.0)
@@ -277,6 +281,27 @@ def test_a_policy_that_brakes_without_need_is_held_to_yielding_and_jerk(leader, 
     pulls = (np.array(brakes) - PROMISE.bite) * PROMISE.brake_gain
     assert np.diff(pulls).max() <= PROMISE.jerk * PROMISE.dt + 1e-9
     assert pulls[-1] == pytest.approx(most, abs=0.1)
+
+
+def slowing(assumed: Assumptions, descent: float, reported: float = np.nan) -> float:
+    """Mean deceleration (m/s^2) of 2 s behind a leader that is slower by 3 m/s."""
+    shield, speeds = Shield(assumed, 0.0, 100.0), [20.0]
+    for _ in range(60):
+        own, leader = column(speeds[-1]), column(speeds[-1] - 3.0)
+        needed = assumed.needed_gap(own + 0.1, leader - 0.1, column(0.0), assumed.dt)
+        shield.see(needed + assumed.gap_error + 3.0, leader, own)
+        commands = shield.gentle(column(800.0), column(0.0), reported)
+        share = shield.limit(*commands)[1][0] / 100.0
+        pull = max(share - assumed.bite, 0.0) * assumed.brake_gain - ROUNDED_GRAVITY * descent
+        speeds.append(speeds[-1] - assumed.dt * pull)
+    return (speeds[40] - speeds[60]) / 2.0
+
+
+def test_on_a_descent_it_brakes_as_on_the_level_whether_or_not_the_slope_is_reported():
+    level, descent = slowing(PROMISE, 0.0), 0.05
+    assert slowing(PROMISE, descent) == pytest.approx(level, abs=0.2)
+    assert slowing(STEADY, descent, -descent) == pytest.approx(level, abs=0.06)
+    assert slowing(STEADY, descent) < level - 0.4
 
 
 def test_every_object_is_stopped_behind_and_one_that_hides_another_counts_alone():
