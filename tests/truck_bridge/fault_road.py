@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from fault_chain import NAMES, TIME_GAP_S, Chain, Object, Stop, load
+from fault_chain import NAMES, REACH_M, TIME_GAP_S, Chain, Object, Stop, load
 from fault_judge import frames
 from fault_table import (
     FAULTS,
@@ -245,7 +245,7 @@ class Run:
         followed = Object(first.motion, room, first.comes, first.leaves)
         self.chain.lane.objects = (followed, *objects[1:])
         self.engaged, self.why = False, ("not asked",)
-        self.ended, self.reason, self.stood = math.nan, "", False
+        self.ended, self.reason, self.stood, self.alone = math.nan, "", False, False
         self.start, self.gained = scene.speed, 0.0
         self.false_since, self.false_s = math.nan, 0.0
         self._undo: dict[Drawn, Callable[[], None] | None] = {}
@@ -299,6 +299,7 @@ class Run:
         if self.engaged and not holds and math.isnan(self.ended):
             self.ended, self.gained = chain.now, chain.truck.speed - self.start
             self.stood = chain.truck.speed < 0.1  # it may be handed back to a driver who is to drive off
+            self.alone = chain.lane.seen[0] > REACH_M  # it cannot follow what the radar does not reach
             self.reason = chain.following.why or chain.bridge.safety.reason
         if not (holds and self._undo and chain.contradicted(self._lied)):
             self.false_since = math.nan
@@ -353,8 +354,7 @@ class Run:
         must = any(must_end(*d, scene.vehicle) for d in lasting)
         if self.engaged and kept and must and math.isnan(self.witness.hit):
             broken.append("control was kept")
-        bridge = scene.traffic != "leader pulls away"
-        bridge &= all(must_bridge(d.name, d.until - d.at) for d in scene.plan)
+        bridge = not self.alone and all(must_bridge(d.name, d.until - d.at) for d in scene.plan)
         if self.ended < scene.begins or (not kept and bridge and not self.stood):
             broken.append("handed back")
         return broken

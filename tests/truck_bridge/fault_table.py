@@ -322,7 +322,7 @@ def must_end(name: str, size: float, lasts: float, vehicle: Vehicle) -> bool:
     if machine == "radar":
         lost = kind in ("silent", "error", "beyond", "hold", "absent", "future")
         lost |= (kind == "past" and size > 0.3) or (name == "gap drift" and size == 0.05)
-        return math.isinf(lasts) and (lost or (kind == "seldom" and size >= 5))
+        return math.isinf(lasts) and lost  # a reading in half a second is bridged, as silence of 3 s is
     carried, converter = messages(vehicle, signals), bool(messages(vehicle, ("lockup",)))
     if kind == "second":
         return True

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from deeptruck_cacc.safety.assumptions import GOES_ON_S, Assumptions
 from deeptruck_cacc.safety.brakes import Brakes
 from deeptruck_core.arrays import Array, Mask
+from deeptruck_core.constants import ROUNDED_GRAVITY
 
 
 class Ahead(NamedTuple):
@@ -212,12 +213,14 @@ class Shield:
         asked = np.clip(np.where(seen.any(axis=0), pull, kept), 0.0, p.firm)
         less = p.mild_braking * p.dt / p.ease_s
         asked = np.clip(asked, truck.yielded - less, truck.yielded + p.jerk * p.dt)
-        # a brake is no trim: for less the engine alone is taken back
-        of_brakes = asked - p.slope_pull * np.nan_to_num(np.asarray(grade, float)) + truck.short
-        yields = (asked > 0.0) & (of_brakes > np.where(truck.yields, p.released_below, p.pressed_above))
+        # A brake is no trim: for less the engine alone is taken back, which never drives against it.
+        climb = np.nan_to_num(np.asarray(grade, float))
+        of_brakes = asked + truck.short - p.slope_pull * climb
+        presses = asked + truck.short - ROUNDED_GRAVITY * climb > p.pressed_above
+        yields = (asked > 0.0) & np.where(truck.yields, of_brakes > p.released_below, presses)
         least = np.where(yields, p.share_of(of_brakes), 0.0) * self.brake_high
+        left = np.where(yields, 0.0, 1.0 - np.clip(asked / p.mild_braking, 0.0, 1.0))
         self._truck = truck._replace(yielded=asked, yields=yields)
-        left = 1.0 - np.clip(asked / p.mild_braking, 0.0, 1.0)
         most = self._share_for(self._braking_to_stop().max(axis=0))
         brake = self.brakes.slewed(brake / self.brake_high, most) * self.brake_high
         return self.engine_low + left * (engine - self.engine_low), np.maximum(brake, least)

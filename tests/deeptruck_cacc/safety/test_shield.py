@@ -238,7 +238,7 @@ def gentle(shield: Shield, gap, leader, engine: float = 800.0, brake: float = 0.
 def test_the_room_before_the_limit_shrinks_no_faster_than_in_yield_s(leader, room, asked):
     """At 20 m/s: (shrinking - (room - soft_m) / yield_s) / (dG/dv) by formula.
 
-    Below half of `mild_braking` by the engine alone.
+    Below `pressed_above` by the engine alone, which is idle while the brakes are pressed.
     """
     shield, speed = Shield(STEADY, 0.0, 100.0), column(leader)
     needed = PROMISE.needed_gap(column(20.1), column(leader - 0.1), column(0.0), PROMISE.dt)
@@ -249,9 +249,10 @@ def test_the_room_before_the_limit_shrinks_no_faster_than_in_yield_s(leader, roo
         engine, brake = gentle(shield, gap, speed)
     more = PROMISE.needed_gap(column(20.6), column(leader - 0.1), column(0.0), PROMISE.dt) - needed
     wanted = np.clip((20.0 - leader - (room - PROMISE.soft_m) / PROMISE.yield_s) * 0.5 / more, 0.0, 1.5)
-    share = np.where(wanted > 0.5 * PROMISE.mild_braking, PROMISE.bite + wanted / PROMISE.brake_gain, 0.0)
+    share = np.where(wanted > PROMISE.pressed_above, PROMISE.bite + wanted / PROMISE.brake_gain, 0.0)
     assert brake == pytest.approx(100.0 * share) and (brake > 0) == (asked > 0)
-    assert engine == pytest.approx(800.0 * (1.0 - np.minimum(wanted / PROMISE.mild_braking, 1.0)))
+    left = 0.0 if asked else 1.0 - np.minimum(wanted / PROMISE.mild_braking, 1.0)
+    assert engine == pytest.approx(800.0 * left)
 
 
 def test_behind_a_leader_that_brakes_it_gives_way_earlier_and_unseen_as_if_that_went_on():
