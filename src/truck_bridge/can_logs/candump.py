@@ -13,8 +13,7 @@ from pathlib import Path
 
 from deeptruck_core.account import Account
 from truck_bridge.can_logs.frames import STANDARD_MASK, Frame, Kind, of_raw
-from truck_bridge.can_logs.lines import NO_FRAME, is_cut, lines_of, set_aside_cut
-from truck_bridge.errors import InputError
+from truck_bridge.can_logs.lines import Lines
 
 STANDARD_DIGITS = 3  # of an 11-bit identifier; candump writes 29 bits with 8 digits, whatever their value
 _LINE = re.compile(
@@ -37,26 +36,9 @@ _OVERFLOWN = "1000000"  # microseconds, as asc2log wrote a full second before 20
 
 
 def frames(path: Path, account: Account) -> Iterator[Frame]:
-    """The frames of a candump text; every other line is counted. Raises InputError if there is no frame."""
-    first, count = "", 0
-    for number, line in lines_of(path):
-        if not line.strip():
-            continue
-        account.total.read += 1
-        frame = _of(line)
-        if number > 1 and is_cut(line, frame):
-            set_aside_cut(path, number, account)
-        elif frame is None:
-            first = first or line.strip()
-            account.total.set_aside(NO_FRAME, f"in line {number}")
-        else:
-            count += 1
-            yield frame
-    if first and not count:
-        raise InputError(
-            f"{path} holds no frame of candump in {account.total.read} lines, the first of which is "
-            f"{first[:60]!a} (candump -t a or -l writes times)"
-        )
+    """The frames of a candump text."""
+    lines = Lines(path, account)
+    return lines.frames(frame for line in lines if (frame := _of(line)) is not None)
 
 
 def _of(line: str) -> Frame | None:

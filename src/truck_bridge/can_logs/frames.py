@@ -89,8 +89,11 @@ def of_raw(time: float, raw: int, data: bytes, channel: str, *, extended: bool =
     return Frame(time, raw & EXTENDED_MASK, b"" if kind is Kind.REMOTE else data, channel, extended, kind)
 
 
-def of_message(message: can.Message, channel: str) -> Frame:
-    """The frame of a python-can message."""
+def of_message(message: can.Message, first_bus: int = 1) -> Frame:
+    """The frame of a message from one of python-can's readers, which counts buses from `first_bus`; as in the
+    log they are counted from 1."""
+    bus = message.channel
+    channel = str(bus + 1 - first_bus) if isinstance(bus, int) else bus or "1"
     kind = (
         Kind.ERROR if message.is_error_frame
         else Kind.FD if message.is_fd

@@ -19,7 +19,8 @@ from deeptruck_core.account import Account
 from deeptruck_core.formats import BAG
 from truck_bridge.bus import open_bus
 from truck_bridge.can_logs.frames import Kind
-from truck_bridge.can_logs.reader import every, need_asammdf, read
+from truck_bridge.can_logs.library_logs import need_asammdf
+from truck_bridge.can_logs.reader import OTHER_BUSES, check_used, every, read
 from truck_bridge.can_logs.rosbag import FLUSH_S, RosbagWriter
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.ids import ADDRESS_CLAIMED, Identifier
@@ -82,7 +83,7 @@ def convert(source: Path, out: Path, *, channel: str | None = None) -> Account:
     with files.new_file(out) as draft, _writing(draft, out, new=False) as write:
         for frame in every(source, account):
             if channel is not None and frame.channel != channel:
-                account.total.set_aside("frames of other buses", f"on {frame.channel}")
+                account.total.set_aside(OTHER_BUSES, f"on {frame.channel}")
             elif frame.kind in lost:
                 account.total.set_aside(
                     f"{frame.kind.value}, which {out.suffix} cannot hold", f"at {frame.time:.3f} s"
@@ -90,9 +91,7 @@ def convert(source: Path, out: Path, *, channel: str | None = None) -> Account:
             else:
                 write(frame.message)
                 account.total.used += 1
-        if not account.total.used:
-            held = f"; it has {', '.join(account.sources)}" if account.sources else ""
-            raise InputError(f"{source} holds no frame to convert{f' on {channel}' if channel else ''}{held}")
+        check_used(source, account, "frame to convert", channel)
     return account
 
 

@@ -30,25 +30,19 @@ def in_pieces(frames: Iterator[Frame], account: Account, *, ascending: bool) -> 
     clock = _Clock(account, ascending)
     held: list[Frame] = []  # behind a jump that may be a wrong stamp
     for frame in frames:
-        if not held and clock.follows(frame.time):
-            yield clock.moved(frame)
-        elif held:
-            if clock.has_returned(held, frame):
-                where = "ahead of" if held[0].time > clock.last else "behind"
-                account.total.set_aside(
-                    f"frames stamped far {where} their neighbours", f"at {held[0].time:.3f} s", len(held)
-                )
+        if held and clock.has_returned(held, frame):
+            where = "ahead of" if held[0].time > clock.last else "behind"
+            account.total.set_aside(
+                f"frames stamped far {where} their neighbours", f"at {held[0].time:.3f} s", len(held)
+            )
+            held = []
+        elif held or clock.jumps(frame):
+            held.append(frame)
+            if len(held) >= TRUSTED:
+                yield from map(clock.placed, held)
                 held = []
-                yield clock.placed(frame)
-            else:
-                held.append(frame)
-                if len(held) >= TRUSTED:
-                    yield from map(clock.placed, held)
-                    held = []
-        elif clock.jumps(frame):
-            held = [frame]
-        else:
-            yield clock.placed(frame)
+            continue
+        yield clock.placed(frame)
     yield from map(clock.placed, held)
     clock.finish()
 
@@ -61,13 +55,6 @@ class _Clock:
         self._begun = self._latest = self._shift = 0.0
         self._overtaken, self._returns, self._most = 0, 0, 0.0
 
-    def follows(self, time: float) -> bool:
-        """Whether a frame comes shortly after the latest one, as nearly all do; if so, it is noted."""
-        if self.last == self._latest and self._first is not None and 0.0 <= time - self.last <= HOLE_S:
-            self.last = self._latest = time
-            return True
-        return False
-
     def jumps(self, frame: Frame) -> bool:
         return self._first is not None and not -BACK_S <= frame.time - self.last <= HOLE_S
 
@@ -79,10 +66,11 @@ class _Clock:
         return opposite and -BACK_S <= frame.time - self.last <= RETURN_S
 
     def placed(self, frame: Frame) -> Frame:
-        """The frame at its place; notes the end of a piece."""
+        """The frame with its time on the clock of those before it; notes the end of a piece."""
+        time = frame.time
         if self._first is None:
-            self._first = self._begun = self._latest = self.last = frame.time
-        step = frame.time - self.last
+            self._first = self._begun = self._latest = self.last = time
+        step = time - self.last
         if step < -BACK_S or step > PAUSE_S:
             self._close()
             way = f"back by {-step:.3f} s" if step < 0 else f"ahead by {step:.0f} s"
@@ -91,22 +79,19 @@ class _Clock:
                 "a new piece begins"
             )
             if self._ascending:
-                self._shift = self._latest + self._shift + APART_S - frame.time
-            self._begun = self._latest = frame.time
+                self._shift = self._latest + self._shift + APART_S - time
+            self._begun = self._latest = time
         elif step > HOLE_S:
             self._close()
-            self._begun = frame.time
-        elif frame.time < self._latest:
+            self._begun = time
+        elif time < self._latest:
             self._overtaken += 1
             self._returns += step < 0.0
-            self._most = max(self._most, self._latest - frame.time)
-        self.last = frame.time
-        self._latest = max(self._latest, frame.time)
-        return self.moved(frame)
-
-    def moved(self, frame: Frame) -> Frame:
-        """The frame with its time shifted to the clock of the frames already yielded."""
-        return frame._replace(time=frame.time + self._shift) if self._shift else frame
+            self._most = max(self._most, self._latest - time)
+        self.last = time
+        if time > self._latest:
+            self._latest = time
+        return frame._replace(time=time + self._shift) if self._shift else frame
 
     def _check(self) -> None:
         """Raises InputError for times that cannot be a clock because they jump back and forth without

@@ -53,8 +53,10 @@ def frames(path: Path, account: Account) -> Iterator[Frame]:
     """The frames of all topics of the type, in the order of the file. The bag of a killed recorder gives what
     was written, and a remark in `account`.
 
-    Raises InputError if there is no such topic.
+    Raises InputError if there is no bag, or no such topic in it.
     """
+    if path.is_dir() and formats.kind_of(path) is not formats.Kind.BAG:
+        raise InputError(f"{path} is a folder without a rosbag; give a CAN log or a bag")
     files = sorted(path.glob(f"*{formats.BAG}")) if path.is_dir() else [path]
     types: set[str] = set()
     messages: Iterator[_Raw]

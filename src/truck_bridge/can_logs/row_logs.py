@@ -6,66 +6,60 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain, islice, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 from can.util import dlc2len
 
-from deeptruck_core import frame_rows
 from deeptruck_core.account import Account
 from deeptruck_core.constants import DAY_S
 from deeptruck_core.frame_rows import FrameColumns, FrameTable
 from truck_bridge.can_logs.frames import EXTENDED_MASK, Frame, Kind, of_raw
-from truck_bridge.can_logs.lines import NO_FRAME, lines_of
+from truck_bridge.can_logs.lines import Lines
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.ids import GLOBAL, Identifier
 
 _PACKED = re.compile(r"(\d\d)T(\d\d):?(\d\d):?(\d\d)\.?(\d*)")
 _OF_DAY = re.compile(r"(?:.*[T ])?(\d{1,2}):(\d{2}):(\d{2})(?:[.,:](\d+))?Z?")
+_FILLED = r"[\s\",;|]*[^\s\",;|]"  # a row with anything in its cells
 _SAMPLED = 200  # rows by which the form of numbers is found
 _MICROSECONDS = 50.0  # between rows with whole numbers: more are no seconds
+_MARKS = str.maketrans(",;:|_-", 6 * " ", "[]()'\"")  # between bytes, and around them
 _YES = ("1", "true", "t", "yes", "y")
 _EXTENDED = ("x", "xr", "ext", "extended", "eff", "29", *_YES)
 
 
-def frames(path: Path, account: Account) -> Iterator[Frame]:
-    """The frames of a table, below any lines of text; rows that are no frame are counted. Raises InputError
-    for a table that lacks times, identifiers or bytes, or has no such row."""
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        found = frame_rows.find(file)
-    if found is None or found.columns is None:
-        lacks = found.lacks if found else "times, identifiers or bytes"
+def frames(path: Path, account: Account, table: FrameTable, head: str) -> Iterator[Frame]:
+    """The frames of a table, of which `head` is the beginning. Raises InputError for one that lacks times,
+    identifiers or bytes."""
+    columns = table.columns
+    if columns is None:
         raise InputError(
-            f"{path} is a table of CAN frames without a column of {lacks}: export it with times, identifiers "
-            "and bytes, or give the log that it was made from"
+            f"{path} is a table of CAN frames without a column of {table.lacks}: export it with times, "
+            "identifiers and bytes, or give the log that it was made from"
         )
-    lines = (line for number, line in lines_of(path) if number > found.above + 1)
-    rows = csv.reader(lines, delimiter=found.delimiter)
-    some = list(islice(rows, _SAMPLED))
-    form = _Form.of(found, found.columns, some)
+    first = head.splitlines()[table.above + 1 :][:_SAMPLED]
+    form = _Form.of(table, columns, [*csv.reader(first, delimiter=table.delimiter)])
     if form.tick < 0.0:
         account.remarks.append("times are negative and fall: they are read without their sign")
+    lines = Lines(path, account, _FILLED, head=table.above + 1)
+    return lines.frames(_parsed(csv.reader(lines, delimiter=table.delimiter), form))
+
+
+def _parsed(rows: Iterable[list[str]], form: _Form) -> Iterator[Frame]:
+    """The frames of those rows that are whole; where times of day pass midnight, the next day begins."""
     day = before = 0.0
-    first, count = "", 0
-    for number, row in enumerate(chain(some, rows), found.above + 2):
-        if not any(row):
-            continue
-        account.total.read += 1
+    for row in rows:
         try:
             frame = _of_row(row, form)
-        except (ValueError, IndexError) as error:
-            first = first or f"line {number}: {str(error)[:80]}"
-            account.total.set_aside(NO_FRAME, f"in line {number}")
+        except (ValueError, IndexError):
             continue
         if form.of_day and frame.time + day < before - DAY_S / 2:
-            day += DAY_S  # it passes midnight
+            day += DAY_S
         before = frame.time + day
-        count += 1
         yield frame._replace(time=before) if day else frame
-    if first and not count:
-        raise InputError(f"{path} holds no row of CAN frames: {first}")
 
 
 @dataclass(frozen=True)
@@ -130,7 +124,8 @@ def _of_row(cells: list[str], form: _Form) -> Frame:
     def number(text: str, otherwise: int | None = None) -> int:
         if not text and otherwise is not None:
             return otherwise
-        return int(re.sub(r"^(0x|\$)|[xh]$| ", "", text), form.base)
+        digits = text.replace(" ", "").removeprefix("0x").removeprefix("$")
+        return int(digits.removesuffix("x").removesuffix("h"), form.base)
 
     time = _time(cells[columns.time].strip(), form.tick)
     extended = said("extended") in _EXTENDED
@@ -170,8 +165,7 @@ def _bytes(cells: list[str], form: _Form) -> bytes:
     if columns.data is None:
         written = (cells[k].strip() for k in columns.each if len(cells) > k)
         return bytes(int(byte.removeprefix("0x"), form.each_base) for byte in written if byte)
-    text = re.sub(r"^b(?=')|0x|[\[\]()'\"]", "", cells[columns.data].strip())
-    text = re.sub(r"[,;:|_-]", " ", text)
+    text = cells[columns.data].strip().removeprefix("b'").replace("0x", "").translate(_MARKS)
     if form.each_base == 10 and " " in text.strip():
         return bytes(map(int, text.split()))
     return bytes.fromhex(text)

@@ -65,7 +65,7 @@ def test_convert_keeps_every_frame_and_its_distance_in_time(log, tmp_path, suffi
 
 def test_a_damaged_log_leaves_nothing_behind(log, tmp_path):
     log.write_text("rubbish\n" * 5)
-    with pytest.raises(InputError, match="no frame of candump in 5 lines"):
+    with pytest.raises(InputError, match="5 lines that are no frame, first in line 1"):
         can_logs.convert(log, tmp_path / "out.mcap")
     assert [path.name for path in tmp_path.iterdir()] == ["drive.log"]
 

@@ -117,8 +117,8 @@ def test_frames_of_other_programs(tmp_path: Path, name: str) -> None:
     ("name", "content", "says"),
     [
         ("a.pcap", "a capture", "is no CAN log that can be read here: .* Wireshark convert"),
-        ("a.csv", "time,addr,bus,data\n1.0,217056256,0,f0c0zz\n", "holds no row of CAN frames: line 2"),
-        ("b.csv", "time,addr,dlc,data\n1.0,217056256,8,f0c0\n", "line 2: another number of bytes"),
+        ("a.csv", "time,addr,bus,data\n1.0,217056256,0,f0c0zz\n", "line 2: '1.0,217056256,0,f0c0zz'"),
+        ("b.csv", "time,addr,dlc,data\n1.0,217056256,8,f0c0\n", "line 2: '1.0,217056256,8,f0c0'"),
         ("long.log", "(1.0) can0 18FEF100#FF\n" + 70_000 * "x", "line 2: longer than 65536"),
         ("long.trc", ";$FILEVERSION=1.1\n" + 70_000 * "x", "line 2: longer than 65536"),
         ("long.csv", "time,addr,bus,data\n" + 70_000 * "x", "line 2: longer than 65536"),
