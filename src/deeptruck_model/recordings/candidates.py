@@ -267,8 +267,6 @@ def _normed(one: Candidate, across: Callable[[Candidate], Candidate | None], val
 def _with_unit(one: Candidate, drive: Mapping[str, Candidate], values: Values) -> Candidate:
     """The candidate in the unit in which it agrees with the channels of a drive, where none is stated."""
     held = values(one)
-    if one.channel == "elevation" and not one.unit and "speed" in drive and drive["speed"].unit == "m/s":
-        return replace(one, unit="m", why=f"{one.why}, m beside a speed in m/s: check")
     if one.unit or one.needs or held is None or one.channel not in agreement.MEASURED:
         return one
     seen = agreement.measured(one.channel, {**_series(drive, values), one.channel: Series(*held)})

@@ -19,6 +19,7 @@ Index = NDArray[np.int64]
 
 REORDER_NS = round(BACK_S * 1e9)
 OVERTAKEN, SELDOM = 3.0, (3, 0.01)  # usual steps by which samples do; how often, in all and of the steps
+TAKEN, TWICE = 0.5, 3  # usual steps to a stamp that is there; how often time may not go back onto such ones
 MOST_S = 0.5  # that the stamps of two topics may differ by, at the same log time
 _SIMULATED_NS = 10**17  # stamps before 1973 are no dates
 _LOG_RUNS = 0.1  # of the stamps' own span: messages logged in less were not logged as they came
@@ -120,8 +121,15 @@ def out_of_step(time: Array) -> str:
     back = np.flatnonzero(steps < 0.0)
     falls = -steps[back]
     short = falls <= BACK_S
-    far = falls > OVERTAKEN * float(np.median(np.abs(steps))) if len(steps) else short
-    if (far & short).sum() <= max(SELDOM[0], SELDOM[1] * len(steps)):
+    usual = float(np.median(np.abs(steps))) if len(steps) else 0.0
+    far = falls > OVERTAKEN * usual
+    # a sample that was overtaken fills the hole that it left; of a clock that lags the stamps come twice
+    there, onto = np.sort(time), time[back + 1]
+    taken = (
+        np.searchsorted(there, onto + TAKEN * usual, "right") - np.searchsorted(there, onto - TAKEN * usual)
+    ) > 1
+    seldom = (far & short).sum() <= max(SELDOM[0], SELDOM[1] * len(steps))
+    if seldom and (far & short & taken).sum() < TWICE:
         return ""
     at = time[back[far & short]]
     return (

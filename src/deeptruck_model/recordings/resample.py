@@ -16,13 +16,11 @@ from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model.recordings.consistency import accelerometer, agreement
-from deeptruck_model.recordings.consistency.impossible import Places, moving_at_zero
+from deeptruck_model.recordings.consistency.impossible import Places, moving_at_zero, senders
 from deeptruck_model.recordings.consistency.sensors import doubts
 from deeptruck_model.recordings.interpolate import (
     GAP_PERIODS,
     GAP_S,
-    HELD,
-    LATCHED,
     SNAP,
     Series,
     at_ticks,
@@ -30,14 +28,13 @@ from deeptruck_model.recordings.interpolate import (
 )
 from deeptruck_model.recordings.ranges import NEEDED, REVERSING, Range, Seen, reversing
 from deeptruck_model.recordings.recording import FROM_SPEED, Recording
+from deeptruck_model.recordings.renewals import one_per_burst, renewed
 from deeptruck_model.recordings.units import metres_per_degree
 
 NO_SPEED = "recorded while there was no speed"
 DERIVED, WITHOUT = "derived where there is no speed", "derived where there is nothing to derive it from"
 JUMPED = "derived where it jumps faster than any truck"
 UNMOVED = "zero while positions move on"
-BURSTS, LARGEST_BURST = 5, 20  # that are seen at least; samples in one
-BURST_PAUSE = 5.0  # times that a pause between bursts is longer than the step within
 
 
 def uniform(
@@ -89,8 +86,9 @@ class Resampled:
         self._ranges = {c: Range(c, tally, units.get(c, ""), cut_at) for c, tally in self._tallies.items()}
         self._pieces: list[_Piece] = []
         known: dict[str, Series] = {}
+        self._turns = senders(series["speed"].values) if "speed" in series else ""
         for channel, one in series.items():
-            time, values = one_per_burst(channel, one.time, one.values)
+            time, values = one_per_burst(channel, *renewed(channel, one, self._tallies[channel]))
             known[channel] = Series(time, self._ranges[channel].masked(time, values))
         if "speed" in known and len(known["speed"].time) > 1:
             self._compute(known, rate_hz, cut_at, poses)
@@ -166,6 +164,12 @@ class Resampled:
         required channel must be wrong."""
         for one in self._ranges.values():
             one.check(self.name, interface, self._measured)
+        if self._turns:
+            raise InputError(
+                f"'{self.name}': speed jumps {self._turns} and back, as where two senders or vehicles write "
+                "into one column or topic: export a column that says which one a row is of, and take one by "
+                "'only', or take a source of one sender"
+            )
         if not self._pieces:
             raise InputError(self._nothing())
         account = self._accounted()
@@ -287,32 +291,6 @@ def _renamed(r: Recording, name: str, other: str) -> Recording:
         return replace(r, channels=channels, notes=tuple(n for n in r.notes if n != FROM_SPEED))
     channels["acceleration"] = derive_acceleration(r.channels["speed"], r.dt)
     return replace(r, channels=channels, notes=(*r.notes, FROM_SPEED))
-
-
-def one_per_burst(channel: str, time: Array, values: Array) -> tuple[Array, Array]:
-    """The mean of each burst, at its mean time, (k,), or the first value of a command or state; all samples
-    if they do not come in bursts.
-
-    Loggers that save memory record a few samples close together every second or so. Their rate is that of
-    the bursts.
-    """
-    steps = np.diff(time)
-    if len(steps) < BURSTS:
-        return time, values
-    apart = BURST_PAUSE * float(np.median(steps))
-    starts = np.r_[0, np.flatnonzero(steps > apart) + 1]
-    sizes = np.diff(np.r_[starts, len(time)])
-    pauses = np.diff(time[starts])
-    usual = float(np.median(pauses)) if len(pauses) else 0.0
-    if len(starts) < BURSTS or sizes.max() > LARGEST_BURST or (pauses > 2.0 * usual).mean() > 0.1:
-        return time, values
-    if channel in (*HELD, *LATCHED):
-        return time[starts], values[starts]
-    known = np.isfinite(values)
-    sums = np.add.reduceat(np.where(known, values, 0.0), starts)
-    with np.errstate(invalid="ignore"):
-        means = sums / np.add.reduceat(known.astype(float), starts)
-    return np.add.reduceat(time, starts) / sizes, means
 
 
 def count_derived(

@@ -79,6 +79,7 @@ _NEAR = {  # units that a column without one may be in, and by how much its fact
     "acceleration": (0.2, ("m/s^2", "g", "ft/s^2")),
     "grade": (0.25, ("ratio", "percent", "deg")),
 }
+_CLEARLY = 3.0  # times further off that the next unit is
 _CONFUSED = (("km/h", "m/s"), ("km/h", "mph"), ("mph", "m/s"), ("knot", "km/h"), ("knot", "m/s"))
 SPEED_RATIOS = {  # of a speed in one unit to the same in another, of units that are taken for one another
     (one, other): _LINEAR["m/s"][other][0] / _LINEAR["m/s"][one][0]
@@ -154,11 +155,13 @@ def between(unit: str, other: str) -> tuple[float, float] | None:
 
 
 def unit_of_factor(channel: str, factor: float) -> str:
-    """The unit that turns numbers into the canonical unit by about this factor; '' if none does."""
+    """The unit that turns numbers into the canonical unit by about this factor; '' if none does, or if
+    another one is not much further off (km/h and ft/s are 9 % apart)."""
     near, units = _NEAR[channel]
-    off = {unit: abs(math.log(factor / conversion(channel, unit).factor)) for unit in units if factor > 0.0}
-    best = min(off, key=lambda unit: off[unit], default="")
-    return best if best and off[best] < near else ""
+    if not factor > 0.0:
+        return ""
+    off = sorted((abs(math.log(factor / conversion(channel, unit).factor)), unit) for unit in units)
+    return off[0][1] if off[0][0] < min(near, off[1][0] / _CLEARLY) else ""
 
 
 def metres_per_degree(latitude: Array | float) -> tuple[Array, Array]:

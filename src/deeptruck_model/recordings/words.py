@@ -91,7 +91,7 @@ _WHOLE: dict[str, str] = _DATA["whole"]
 _LETTERS: dict[str, str] = _DATA["letters"]
 _BESIDE_LETTERS = frozenset(_DATA["beside_letters"])
 _SPELLINGS: dict[str, str] = _DATA["spellings"]
-_UNITS_OF_NAMES: dict[str, str] = _DATA["units_of_names"]
+_UNITS_OF_NAMES: dict[str, tuple[str, str]] = _DATA["units_of_names"]
 _NO_CHANNEL = frozenset(_DATA["no_channel"])
 _KNOWN = frozenset(
     {word for rule in BY_WORDS.values() for one in rule.any_of for word in one}
@@ -100,6 +100,7 @@ _KNOWN = frozenset(
     | STATISTIC
     | TIME
 )
+_COUNTS = re.compile(r"(?:^|[\s_(\[{<]+)\d*\.?\d+ ?(s|sec|ms|us|min)\b[)\]}>]*", re.I)
 _ENDS = re.compile(r"[\s_,;:/-]+(?=[^\s_,;:]+$)")
 _LONG_ENDS = re.compile(
     r"[\s_]+(km_per_h|km_h|m_per_s2|m_s2|m_per_s|m_s|l_per_h|l_h|l_100km|g_s|1_min|deg_c|deg_f|grad_c)$", re.I
@@ -120,6 +121,9 @@ class Header:
 
 def header(name: str, below: str = "", place: str = "in the row of units") -> Header:
     """Words and unit of a column's name; `below` is a unit that the table states at another `place`."""
+    if counts := _COUNTS.search(name):  # 'Time (0.1 sec)': its numbers count such steps, in no unit
+        rest = header(name[: counts.start()] + name[counts.end() :])
+        return Header(rest.words, counts[0].strip(" ()[]{}<>"), f"'{counts[0].strip()}' in the header")
     text, unit, stated = name, spelled(below, name), f"'{below.strip()}' {place}"
     for bracket in reversed(re.findall(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]", name)):
         if found := spelled(bracket, name):
@@ -136,7 +140,7 @@ def header(name: str, below: str = "", place: str = "in the row of units") -> He
     if not unit and (found_words := sorted(named & UNIT_WORDS.keys() - {"rpm"})):
         unit, stated = UNIT_WORDS[found_words[0]], f"'{found_words[0]}' in the header"
     if not unit and (known := next((k for k in _UNITS_OF_NAMES if k in name.lower().replace(" ", "")), "")):
-        unit, stated = _UNITS_OF_NAMES[known], "J1939, which has this name"
+        unit, stated = _UNITS_OF_NAMES[known][0], f"{_UNITS_OF_NAMES[known][1]}, which has this name"
     if unit.lower() == "rpm":
         named |= {"rpm"}
     unit = "m/s" if unit == "ms" and named & {"speed", "velocity"} else unit

@@ -420,3 +420,15 @@ def test_an_engine_that_turns_slower_than_idling_is_remarked(unit_in_rad_s: floa
     }
     account = uniform(series, name="drive", interface=TruckInterface("t"))[0].account
     assert sum("is it in rad/s" in remark for remark in account.remarks) == remarks
+
+
+@pytest.mark.parametrize("how", ["held", "on a straight line"])
+def test_what_was_filled_in_between_is_counted_in_every_reader(how: str) -> None:
+    time, sent = clock(10, 120), clock(1, 120)
+    wave = 15 + 6 * np.sin(sent / 10)
+    filled = wave[np.floor(time).astype(int)] if how == "held" else np.interp(time, sent, wave)
+    (recording,) = found = resampled({"speed": Series(time, filled)})
+    assert recording.dt == 1.0
+    np.testing.assert_allclose(recording.channels["speed"], wave[: len(recording)])
+    (counted,) = (entry for reason, entry in balanced(found).channels["speed"].aside.items() if how in reason)
+    assert counted.count == len(time) - len(sent)

@@ -137,7 +137,8 @@ def speed_doubts(recordings: Sequence[Recording]) -> Iterator[Doubt]:
             )
         elif not SCALE[0] ** 0.25 < one.factor < SCALE[1] ** 0.25:
             what = factor_of(one.factor, SPEEDS)
-            why = f" ({what}): give it its unit" if what else f": correct it by 'scale: {1 / one.factor:.4g}'"
+            cure = f"'scale: {1 / one.factor:.4g}'"
+            why = f", as {what}: give it its unit, or {cure}" if what else f": correct it by {cure}"
             says = f"speed is {one.factor:.3f} times what {one.by}{why}, or {one.otherwise}"
             yield Doubt("speed", says, bool(what), one.factor)
 

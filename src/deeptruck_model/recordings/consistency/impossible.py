@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from deeptruck_core.account import moment
 from deeptruck_core.arrays import Array, Mask
@@ -45,6 +46,9 @@ FROZEN_S, FROZEN_RUNS, FROZEN_STEP = 3.0, 5.0, 3.0  # of equal values; times the
 # channels that change while a truck drives: the value up to which they may stand still, and the change per
 # second with which they must go on; a speed is held by drivers, so that it must jump by more than they can
 FREEZES = {"speed": (SLOW, 4.0), "elevation": (-np.inf, 0.0)}
+# of a straight line in a speed: its time, and rows; how far from it in resolutions, where else it is further,
+# and how many of them it rises; it is no part of the drive where most of the drive is straight
+LINE_S, LINE_ROWS, ON_LINE, OFF_LINE, RISES, MOSTLY = 10.0, 20, 1.0, 5.0, 20.0, 0.5
 PLACE_S, MOVED_M_S = 10.0, 3.0  # over which positions move by so much; receivers that stand drift by less
 NO_SPEED = 0.05  # m/s: less is the noise of a speed that is not written
 ZERO_S = 8.0  # of zero in a row, in whose halves positions move on; receivers are late by less
@@ -55,13 +59,19 @@ MOST_JUMPS, LEAST_JUMPS = 0.02, 10  # of the steps that no truck makes; more are
 NONE_SHARE, FULL_STEP = -1.0, 5.0  # percent: written for no value by some loggers; reached by such a step
 PEDAL, CODES = 100.4, (101.6, 102.0)  # percent: largest of a pedal, and its codes for error and no value
 ZERO_BYTE = -125.0  # percent torque of a byte of zero: no engine retards by that
-LEAST_TURNS, MOST_TURNS = 40, 8  # samples to judge by, and apart that one of another sender stands
-SMOOTHER, JUMPS = 0.3, 3.0  # of the usual step without it; resolutions that a jump to it has
+LEAST_TURNS, MOST_TURNS = 40, 12  # samples to judge by, and apart that one of another sender stands
+# of the usual step, that is left without another sender; resolutions that a jump to it has, and part of the
+# steps that are smaller
+SMOOTHER, JUMPS, OFTEN = 0.5, 3.0, 0.82
+# samples in whose middle the more frequent sender is; usual distances from it of another one, which are this
+# many and part of all, on one side, and change from one to the next by a part of their size
+NEIGHBOURS, AWAY, LEAST_OTHERS, LEAST_SHARE, ALIKE, SLOWLY = 11, 5.0, 20, 0.03, 0.9, 0.3
 GOES_ON = 1.5  # times the usual step that two steps are of what goes on smoothly, which is 2
 DROPPED = "that jump to a number for no value and back"
 UNAVAILABLE = "of a code for 'not available'"
 SPIKES = "that jump away and back faster than any truck"
 FROZEN = "that stand still and then jump"
+LINE = "on one straight line for long, as written where nothing was measured"
 
 
 def impossible(channel: str, unit: str, time: Array, values: Array) -> Iterator[tuple[str, Mask]]:
@@ -75,6 +85,7 @@ def impossible(channel: str, unit: str, time: Array, values: Array) -> Iterator[
     finders = [_codes] if channel in ("engine_command", "brake_command") and unit == "percent" else []
     finders += [_dropped, _spikes] if channel in CHANGES else []
     finders += [_frozen] if channel in FREEZES else []
+    finders += [_lines] if channel == "speed" else []
     for find in finders:
         at = np.flatnonzero(left)
         if len(at) < 3:
@@ -164,6 +175,33 @@ def _frozen(channel: str, t: Array, v: Array) -> Iterator[tuple[str, Mask]]:
             jump = abs(float(v[j] - v[i]))
             found[i + 1 : j] = jump > FROZEN_STEP * usual and jump > rate * (t[j] - t[j - 1])
     yield FROZEN, found
+
+
+def _lines(channel: str, t: Array, v: Array) -> Iterator[tuple[str, Mask]]:
+    """Samples within a straight line of LINE_S and more, which an exporter draws between the two that were
+    measured; no truck's speed rises so evenly where it else does not."""
+    fine = max(float(np.diff(np.unique(v)).min(initial=np.inf)), 1e-6 * float(np.abs(v).max()))
+    count = max(LINE_ROWS, int(np.ceil(LINE_S / max(float(np.median(np.diff(t))), 1e-9))))
+    starts = np.arange(0, len(v) - count, count)
+
+    def away(i: int, j: int) -> float:
+        """How far the samples between two are off the line between them."""
+        between = np.interp(t[i : j + 1], t[[i, j]], v[[i, j]])
+        return float(np.abs(v[i : j + 1] - between).max())
+
+    off = np.array([away(i, i + count) for i in starts.tolist()])
+    rising = np.abs(v[starts + count] - v[starts]) > RISES * fine if len(starts) else np.zeros(0, dtype=bool)
+    straight = (off <= ON_LINE * fine) & rising
+    found = np.zeros(len(v), dtype=bool)
+    if 0 < straight.sum() < MOSTLY * len(straight) and np.median(off[~straight]) > OFF_LINE * fine:
+        for i in starts[straight].tolist():
+            a, b = i, i + count
+            while a > 0 and away(a - 1, b) <= ON_LINE * fine:
+                a -= 1
+            while b < len(v) - 1 and away(a, b + 1) <= ON_LINE * fine:
+                b += 1
+            found[a + 1 : b] = True
+    yield LINE, found
 
 
 @dataclass(frozen=True)
@@ -266,22 +304,41 @@ def changed_unit(time: Array, speed: Array) -> str:
     return ""
 
 
-def senders(values: Array) -> int:
-    """How many samples (n,) apart those of another sender stand, such as 4 where every fourth is another
-    one's; 0 if all are of one. Without its samples what is left goes on smoothly."""
+def senders(values: Array) -> str:
+    """Where samples (n,) of another sender stand, such as 'at every 4. sample'; '' if all are of one.
+
+    Without the samples of one that comes in turn what is left goes on smoothly; those of one that comes at a
+    rate of its own are all off their neighbours alike, and by what changes slowly."""
     v = values[np.isfinite(values)]
     if len(v) < LEAST_TURNS:
-        return 0
+        return ""
     steps = np.abs(np.diff(v))
-    usual, fine = float(steps.mean()), float(np.diff(np.unique(v)).min(initial=np.inf))
-    if np.abs(v[2:] - v[:-2]).mean() > GOES_ON * usual or not np.quantile(steps, 0.8) > JUMPS * fine:
-        return 0
-    for every in range(2, MOST_TURNS + 1):
-        for k in range(every):
-            left = v[np.arange(len(v)) % every != k]
-            if np.abs(np.diff(left)).mean() < SMOOTHER * usual:
-                return every
-    return 0
+    fine, most = JUMPS * float(np.diff(np.unique(v)).min(initial=np.inf)), JUMPS * np.quantile(steps, 0.9)
+
+    def rough(apart: Array) -> float:
+        """The mean step, in which single spikes do not count for more than others."""
+        return float(np.minimum(np.abs(apart), most).mean())
+
+    usual = rough(steps)
+    if rough(v[2:] - v[:-2]) > GOES_ON * usual:
+        return ""
+    if np.quantile(steps, OFTEN) > fine:
+        turn = np.arange(len(v))
+        left = {
+            (every, k): rough(np.diff(v[turn % every != k]))
+            for every in range(2, MOST_TURNS + 1)
+            for k in range(every)
+        }
+        every, k = min(left, key=lambda one: left[one])
+        if left[every, k] < SMOOTHER * usual:
+            return f"at every {every}. sample"
+    off = v - median_filter(v, NEIGHBOURS, mode="nearest")
+    others = off[np.abs(off) > max(fine, AWAY * float(np.median(np.abs(off))))]
+    if len(others) < max(LEAST_OTHERS, LEAST_SHARE * len(v)):
+        return ""
+    alike = np.mean(np.sign(others[1:]) == np.sign(others[:-1])) > ALIKE
+    slowly = np.abs(np.diff(others)).mean() < SLOWLY * np.abs(others).mean()
+    return f"at {len(others)} of {len(v)} samples" if alike and slowly else ""
 
 
 def impossible_steps(channel: str, time: Array, values: Array) -> tuple[int, int]:

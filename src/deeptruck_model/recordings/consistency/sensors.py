@@ -19,7 +19,6 @@ from deeptruck_model.recordings.consistency.impossible import (
     MOST_JUMPS,
     changed_unit,
     impossible_steps,
-    senders,
 )
 from deeptruck_model.recordings.consistency.windows import MOVING_M_S, Doubt, joined
 from deeptruck_model.recordings.recording import Recording
@@ -88,14 +87,6 @@ def _steps(recordings: Sequence[Recording]) -> Iterator[Doubt]:
         speed = r.channels["speed"]
         if says := changed_unit(r.time, speed):
             yield Doubt("speed", f"speed {says}: its unit changes within; give it in one", wrong=True)
-            return
-        if every := senders(speed):
-            yield Doubt(
-                "speed",
-                f"speed jumps at every {every}. sample and back, as where two senders or vehicles write into "
-                "one column: export a column that says which one a row is of, and take one by 'only'",
-                wrong=True,
-            )
             return
         counted = impossible_steps("speed", r.time, speed)
         many, jumps = many + counted[0], jumps + counted[1]

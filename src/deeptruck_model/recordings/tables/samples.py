@@ -9,12 +9,11 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.extract import SIDEWAYS
-from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, Series, period
+from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, Series, period
 from deeptruck_model.recordings.tables.columns import Columns
 from deeptruck_model.recordings.tables.csv_text import RAGGED
 from deeptruck_model.recordings.tables.row_times import timed
@@ -24,11 +23,8 @@ from deeptruck_model.recordings.topic_map import Source
 from deeptruck_model.recordings.units import conversion, fits
 from deeptruck_model.recordings.words import sibling
 
-LEAST_RENEWALS = 20  # by which a value is seen to be held between them
-LEAST_LINE, STRAIGHT = 5.0, 0.75  # rows of a straight line; part of all rows that then has no bend
-MOST_UNBENT = 8  # lines in a row that may happen to go on in one direction
-EVEN = 1.5  # times their median step that samples are apart at most, where no one is missing
-COARSE, SOONEST = 2.5, 0.6  # resolutions by which a coarse sensor changes; of the usual rows between renewals
+# times their median step that samples are apart at most, where no one is missing; the least of such steps
+EVEN, LEAST_EVEN = 1.5, 20
 
 
 @dataclass(frozen=True)
@@ -118,80 +114,22 @@ def _values(table: Table, channel: str, column: Source) -> Array:
 
 
 def _measured(table: Table, channel: str, time: Array, values: Array, notes: list[str]) -> Series:
-    """The channel's samples, without the blank rows between them if a slow sensor fills only some rows, and
-    without those that a logger filled, which the account counts.
+    """The channel's samples, without the blank rows between them if a slow sensor fills only some rows.
 
     Samples that are evenly spaced in time lack none, whatever rows others add between them. A column that
     alternates and then stops belongs to a sensor that failed and is not treated as slow.
     """
     valid = ~np.isnan(values)
-    for how, renewed in (("held", renewals), ("on a straight line", knots)):
-        of_states = how == "held" and channel in (*HELD, *LATCHED)  # which stay as they are for long
-        rows = np.zeros(0) if of_states else np.flatnonzero(valid)[renewed(values[valid])]
-        if len(rows):
-            every, filled = round(float(np.median(np.diff(rows)))), valid.copy()
-            filled[rows] = False
-            table.account.channel(channel).set_aside(
-                f"{how} between the rows that renew it, about every {every}",
-                table.at(int(np.argmax(filled))),
-                int(filled.sum()),
-            )
-            return Series(time[rows], values[rows])
     rows_apart, apart = np.diff(np.flatnonzero(valid)), np.diff(time[valid])
     most = EVEN * float(np.median(apart)) if len(apart) else 0.0
     ends = (time[valid][:1] - time[0] <= most).all() and (time[-1] - time[valid][-1:] <= most).all()
-    even = len(apart) > LEAST_RENEWALS and float(apart.max()) <= most and ends
+    even = len(apart) > LEAST_EVEN and float(apart.max()) <= most and ends
     if valid.all() or (len(rows_apart) and np.median(rows_apart) < 2.0 and not even):
         if not valid.all():
             notes.append(f"{channel} is invalid in {(~valid).sum()} rows of {len(values)}")
         return Series(time, values)
     notes.append(f"{channel} taken as sampled in the {valid.sum()} rows of {len(values)} that have it")
     return Series(time[valid], values[valid])
-
-
-def renewals(values: Array) -> NDArray[np.int64]:
-    """Rows (k,) at which a value that is held between them was renewed; none if it is not held.
-
-    A sensor of coarse resolution also repeats its value, but for a varying number of rows, and then changes
-    by its resolution. A value that stays for longer than usual was renewed in between with the same number.
-    """
-    changes = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
-    apart = np.diff(changes[1:])
-    if len(apart) < LEAST_RENEWALS or (every := int(np.median(apart))) < 2:
-        return np.zeros(0, dtype=np.int64)
-    off = np.abs(apart - every * np.rint(apart / every))
-    regular = (off <= every // 10).mean() > 0.95
-    resolution = float(np.diff(np.unique(np.round(values, 9))).min())
-    coarse = float(np.median(np.abs(np.diff(values[changes])))) < COARSE * resolution
-    if not regular and (coarse or (apart < SOONEST * every).mean() > 0.05):
-        return np.zeros(0, dtype=np.int64)
-    runs = [(i, j, max(1, round((j - i) / every))) for i, j in pairwise([*changes, len(values)])]
-    return np.concatenate([i + (j - i) * np.arange(count) // count for i, j, count in runs])
-
-
-def knots(values: Array) -> NDArray[np.int64]:
-    """Rows (k,) at which straight lines meet, as where an exporter put a slow signal on a faster clock; none
-    if there are none. Where nothing was recorded one line goes on for long, and no row of it was measured;
-    where the value stays it may well have been."""
-    bends = np.abs(np.diff(values, 2))
-    if len(bends) < LEAST_RENEWALS or not (size := float(np.max(np.abs(values)))):
-        return np.zeros(0, dtype=np.int64)
-    at = np.flatnonzero(bends > max(2.0 * float(np.quantile(bends, STRAIGHT)), 1e-9 * size)) + 1
-    apart = np.diff(at)
-    if len(apart) < LEAST_RENEWALS or (every := float(np.median(apart))) < LEAST_LINE:
-        return np.zeros(0, dtype=np.int64)
-    if (np.abs(apart - every * np.rint(apart / every)) > 1.0).mean() > 0.05:
-        return np.zeros(0, dtype=np.int64)
-    # the first and last line may be cut off by the table, which is no sample then
-    whole = [abs(k - every * round(k / every)) < 0.5 for k in (at[0], len(values) - 1 - at[-1])]
-    edges = np.concatenate([[0] if whole[0] else [], at, [len(values) - 1] if whole[1] else []]).astype(int)
-    runs = [(i, j, round((j - i) / every)) for i, j in pairwise(edges)]
-    between = [
-        i + (j - i) * np.arange(1, k) // k
-        for i, j, k in runs
-        if k > 1 and (k <= MOST_UNBENT or values[i] == values[j])
-    ]
-    return np.unique(np.concatenate([edges, *between]))
 
 
 def _segments(time: Array, cuts: list[float]) -> Array:

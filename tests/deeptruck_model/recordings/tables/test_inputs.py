@@ -21,7 +21,7 @@ from scipy.io import savemat
 
 from deeptruck_core.arrays import Array
 from deeptruck_model.recordings import Recording, import_table, read, suggest_columns
-from deeptruck_model.recordings.consistency.impossible import DROPPED, FROZEN, SPIKES
+from deeptruck_model.recordings.consistency.impossible import DROPPED, FROZEN, LINE, SPIKES
 
 Rows = dict[str, Any]
 D = drive()
@@ -131,6 +131,9 @@ def exported() -> Rows:
     sent = np.r_[np.arange(0.0, 21.0), np.arange(40.0, 60.0)]
     signals = {"v": 3.6 * speed(sent), "gas": sent % 7 * 9, "gear": np.round(sent % 8)}
     return {"t": T, "brake": 0 * T} | {n: np.interp(T, sent, x).round(5) for n, x in signals.items()}
+
+
+HOLE = (LONG["t"] > 50) & (LONG["t"] <= 80)
 
 
 def unfilled() -> Rows:
@@ -394,13 +397,16 @@ TABLES = {
         says=("ambient_temperature is invalid in 420 rows of 600",
             "elevation taken as sampled in the 120 rows of 600 that have it")),
     "held at an irregular step": Table(held(), reads={"speed": None}, pieces=(114,),
-        says=("samples held between the rows that renew it",)),
+        says=("samples held between the samples that renew it",)),
     "coarse": Table({**D, "v": V.round()}, reads={"speed": V.round() / 3.6, "acceleration": None},
         unsaid=("that renew it",)),
     "straight lines of an exporter": Table(
         exported(), with_channels(gear=column("gear")), pieces=(21, 20),
         reads={"gear": lambda t: np.round(t.round() % 8)},
-            says=("speed: 559 of 600 samples on a straight line between the rows that renew it",)),
+            says=("speed: 559 of 600 samples on a straight line between the samples that renew it",)),
+    "one straight line of an exporter": Table(
+        {**LONG, "v": np.interp(LONG["t"], LONG["t"][~HOLE], LONG["v"][~HOLE]).round(2)},
+        pieces=(501, 399), aside={LINE: 300}),
     "zero while positions move on": Table(
         unfilled(), with_channels(**PLACES),
             reads={"speed": lambda t: np.where((t > 400) & (t < 450), 0.0, speed(t)), "acceleration": None},

@@ -112,6 +112,14 @@ def other_sender(every: int) -> Rows:
     return {**D, "v": np.where(K % every == 1, late, V)}
 
 
+def two_rates() -> Rows:
+    """Rows of a sender at 10 Hz, and of another one at 2.7 Hz, in the order of their times."""
+    t = np.r_[T, np.arange(0.05, 60.0, 0.37)].round(3)
+    v = np.r_[V, np.round(3.6 * 1.01 * speed(t[600:] - 0.8), 2)]
+    order = np.argsort(t, kind="stable")
+    return {"t": t[order], "v": v[order], "gas": 0 * t, "brake": 0 * t}
+
+
 ONE_PEDAL = {
     "engine_command": {"column": "a", "unit": "ratio"},
     "brake_command": {"column": "a", "unit": "ratio", "scale": -1},
@@ -159,6 +167,9 @@ REFUSED = {
     "a clock whose seconds lag": Refused(
         clock(lambda k: f"08:00:{max(k - 4, 0) // 10:02d}.{k % 10}"), timed("iso"),
             r"seconds and their fractions.*set time: (\{rate_hz: 10\})", key("time")),
+    "a clock whose seconds lag now and then": Refused(
+        clock(lambda k: f"08:00:{(k - 10 * (k % 100 < 4 <= k)) // 10:02d}.{k % 10}"), timed("iso"),
+            r"seconds and their fractions.*set time: (\{rate_hz: 10\})", key("time")),
     "a clock without marks": Refused(
         clock(lambda k: f"{95830 + k // 10 + 40 * (k >= 300):06d}.{k % 10}"), COLUMNS,
             r"set time: (\{column: t, format: .*?\})", key("time")),
@@ -172,7 +183,7 @@ REFUSED = {
                                r"times what latitude and longitude give.* (mm/s)\?",
                                    line("speed", "unit: {}")),
     "mph for km/h, by places": Refused(PLACED, with_channels(speed={"column": "v", "unit": "mph"}, **PLACES),
-                                       r"\((km/h) read as mph\): give it its unit",
+                                       r"as (km/h) read as mph: give it its unit",
                                            line("speed", "unit: {}")),
     "accelerometer backwards": Refused({**D, "a": -D["a"]}, of("acceleration", "a", "m/s^2"),
         r"'(scale: -1)'", line("acceleration")),
@@ -203,7 +214,8 @@ REFUSED = {
     "two vehicles that nothing names": Refused({**D, "v": np.where(ODD, 95.0, V)}, COLUMNS,
         "as where two senders"),
     **{f"every {every}. row another sender": Refused(other_sender(every), COLUMNS,
-        f"every {every}. sample") for every in (2, 4)},
+        f"every {every}. sample") for every in (2, 4, 5, 9)},
+    "a sender of another rate": Refused(two_rates(), COLUMNS, r"at \d+ of 747 samples and back"),
     "no order": Refused(SHUFFLED, COLUMNS, "they are in no order; export them in the order of their time"),
     "one pedal": Refused({**D, "a": np.where(D["gas"] > 0, D["gas"], -D["brake"]) / 100},
         with_channels(**ONE_PEDAL),

@@ -228,6 +228,7 @@ PLACES = {"lat": NORTH, "lon": 9.0 + 0.0 * TIME}
         *(({"speed": SPEED / factor, **PLACES}, "speed", unit)
           for unit, factor in (("km/h", 1 / 3.6), ("mph", 0.44704), ("ft/s", 0.3048), ("knot", 1852 / 3600))),
         ({"speed": 1.2 * SPEED, **PLACES}, "speed", ""),  # agrees in no unit
+        ({"speed": 1.07 * SPEED / 0.3048, **PLACES}, "speed", ""),  # between ft/s and km/h
         ({"speed": np.round(1000.0 * SPEED)}, "speed", ""),  # mm/s and counts of 1/256 km/h are of one size
         ({"speed": np.round(1000.0 * SPEED), **PLACES}, "speed", "mm/s"),
         ({"WheelBasedVehicleSpeed": 3.6 * SPEED}, "speed", "km/h"),
@@ -236,6 +237,7 @@ PLACES = {"lat": NORTH, "lon": 9.0 + 0.0 * TIME}
         ({"v [m/s]": SPEED, "altitude [m]": HEIGHT, "grade": 100.0 * SLOPE}, "grade", "percent"),
         ({"v [m/s]": SPEED, "grade": 100.0 * SLOPE}, "grade", ""),
         ({"v [km/h]": 3.6 * SPEED, "altitude": HEIGHT / 0.3048}, "elevation", ""),
+        ({"v [m/s]": SPEED, "altitude": HEIGHT / 0.3048}, "elevation", ""),
         ({"v [m/s]": SPEED, "brake": (BRAKE > 0.0).astype(float)}, "brake_command", ""),  # a switch
         ({"v [m/s]": SPEED, "brake": 0.3 * BRAKE}, "brake_command", ""),  # bar or percent
         ({"v [m/s]": SPEED, "distance": DRIVEN}, "gap", ""),  # an odometer
@@ -274,6 +276,7 @@ STEPS = range(1200)
         ({"epoch": [f"{1_785_000_000 + k / 10:.1f}" for k in STEPS]}, "time: {column: epoch, unit: s}"),
         ({"Zeit": dates("%d.%m.%Y %H:%M:%S")}, ""),  # whole seconds at 10 Hz
         ({"row": [str(k) for k in STEPS]}, ""),
+        *(({name: [str(k) for k in STEPS]}, "") for name in ("Time (0.1 sec)", "time [100 ms]", "0.1 sec")),
     ],
 )
 def test_the_clock(tmp_path: Path, columns: dict[str, Sequence[str] | Array], line: str) -> None:
