@@ -135,6 +135,8 @@ def _next_step(v: Verdict) -> str:
         return SETTLE
     if v.validated:
         step = "apply the refitted parameters" if v.offered == REFIT else "apply the correction"
+        if f is not None and f.mass_by_drive:
+            step = f"set the mass of each drive; for others {step}"
         asked = v.advice.get("apply")
         return f"see what to check, then {step}" if asked and asked.answer is Answer.UNSURE else step
     if f is None:
@@ -158,9 +160,17 @@ def contains(v: Verdict, *, refit: bool = False) -> Iterator[str]:
     if not refit and v.offered == CORRECTION:
         changed = {n: x for n, x in v.fit.corrected_parameters.items() if abs(x) >= WORTH_SAYING}
         added = {n: x for n, x in v.fit.corrected_forces.items() if x.value}
-        known = {f.effect: Said(f"{spoken(f.effect)} ", s) for f in v.findings if (s := size(f))}
+        each = {
+            f.effect for f in v.findings if f.by_drive
+        }  # its sizes are those of drives, and not the offer's
+        known = {
+            f.effect: Said(f"{spoken(f.effect)} ", s)
+            for f in v.findings
+            if f.effect not in each and (s := size(f))
+        }
         of = f", of the form of {', '.join(map(spoken, v.fit.forms))}" if v.fit.forms else ""
-        names = {n: f"forces without an accepted name{of}" if n == UNKNOWN else spoken(n) for n in added}
+        names = {n: spoken(n) + ", in every drive as in their mean," * (n in each) for n in added}
+        names[UNKNOWN] = f"forces without an accepted name{of}"
         parts = [known.get(n) or _changed(n, x, v.fit.corrected_intervals.get(n)) for n, x in changed.items()]
         parts += [known.get(n) or Said(names[n], " ", acting(x)) for n, x in added.items()]
         yield Said("The correction contains: ", Said.joined("; ", parts), ".")
