@@ -33,7 +33,7 @@ from deeptruck_model.recordings.bag_facts import (
     parts,
 )
 from deeptruck_model.recordings.bag_file import DamagedError, TornError
-from deeptruck_model.recordings.bag_storage import open_storages
+from deeptruck_model.recordings.bag_storage import open_storage
 from deeptruck_model.recordings.mcap_chunks import LATEST_NS, Batch, indexed_chunks, read_chunks
 from deeptruck_model.recordings.message_definitions import Definitions
 
@@ -69,7 +69,7 @@ class BagSource:
             self._mcap_files = [file for file in files if file.suffix == ".mcap"]
             self._records = {file: bag_file.check_mcap(file) for file in self._mcap_files}
             indexed_chunks(self._mcap_files)  # whose places are trusted from here on
-            self._storages = open_storages(files, self._stack)
+            self._storages = [open_storage(file, self._stack) for file in files]
             self.connections = [c for storage in self._storages for c in storage.connections]
         except InputError:
             self._stack.close()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import shutil
 import sqlite3
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -125,13 +125,8 @@ class RosbagsStorage:
 Storage = McapStorage | RosbagsStorage
 
 
-def open_storages(files: Iterable[Path], stack: ExitStack) -> list[Storage]:
-    """Open one storage for each file; `stack` closes them. Raises the libraries' errors if a file is
-    damaged."""
-    return [_open(file, stack) for file in files]
-
-
-def _open(file: Path, stack: ExitStack) -> Storage:
+def open_storage(file: Path, stack: ExitStack) -> Storage:
+    """Open a file until `stack` closes it. Raises the libraries' errors if it is damaged."""
     if file.suffix == ".zstd":
         unpacked = Path(stack.enter_context(TemporaryDirectory())) / file.stem
         with file.open("rb") as packed, unpacked.open("wb") as target:

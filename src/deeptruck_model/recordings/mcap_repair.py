@@ -30,7 +30,13 @@ from mcap.records import (
 from deeptruck_core import files
 from deeptruck_core.errors import InputError
 from deeptruck_model.recordings.bag_facts import METADATA
-from deeptruck_model.recordings.bag_file import MAGIC, RECORD_HEAD
+from deeptruck_model.recordings.bag_file import (
+    MAGIC,
+    RECORD_HEAD,
+    DamagedError,
+    TornError,
+    check_mcap,
+)
 from deeptruck_model.recordings.crash_safe import Topic, metadata_yaml
 from deeptruck_model.recordings.mcap_chunks import ENTRY, UNREADABLE, content_of, learn, scan_messages
 
@@ -66,7 +72,7 @@ def copied(source: BinaryIO, target: BinaryIO, file: Path) -> Found:
         whole = found.cut + RECORD_HEAD + length <= size
         if opcode in _END or (opcode == Opcode.MESSAGE_INDEX and not whole):
             expected = {_END[Opcode(opcode)]} if opcode in _END else found.indexes
-            found.torn = length not in expected or (whole and not is_an_end(source, found.cut, size))
+            found.torn = length not in expected or (whole and not _is_an_end(source, found.cut, size))
             return found
         if not whole or not _take(found, opcode, source.read(length), target, file):
             found.torn = True
@@ -139,7 +145,7 @@ def _take_chunk(found: Found, content: bytes, record: bytes, target: BinaryIO) -
     return True
 
 
-def is_an_end(stream: BinaryIO, at: int, size: int) -> bool:
+def _is_an_end(stream: BinaryIO, at: int, size: int) -> bool:
     """Whether the bytes from `at` on are only the closing part of a file, complete or truncated."""
     while at + RECORD_HEAD <= size:
         stream.seek(at)
@@ -264,23 +270,12 @@ def _only_mcap(path: Path) -> Path:
 
 
 def _is_whole(file: Path) -> bool:
-    with file.open("rb") as stream:
-        if stream.seek(0, os.SEEK_END) < 2 * len(MAGIC):
-            return False
-        size = stream.seek(-len(MAGIC), os.SEEK_END) + len(MAGIC)
-        return stream.read() == MAGIC and _is_one_file(stream, size)
-
-
-def _is_one_file(stream: BinaryIO, size: int) -> bool:
-    """Whether the first end marker is that of this file; two concatenated files have another one after it."""
-    at = len(MAGIC)
-    while at + RECORD_HEAD <= size:
-        stream.seek(at)
-        opcode, length = struct.unpack("<BQ", stream.read(RECORD_HEAD))
-        if opcode in (Opcode.DATA_END, Opcode.FOOTER):
-            return is_an_end(stream, at, size)
-        at += RECORD_HEAD + length
-    return False  # a record runs over the end
+    """Whether the records fit up to the end, by the rule of readers; a wrong checksum is not torn."""
+    try:
+        check_mcap(file)
+    except DamagedError as error:
+        return not isinstance(error, TornError)
+    return True
 
 
 def _finish(stream: BinaryIO, found: Found) -> None:

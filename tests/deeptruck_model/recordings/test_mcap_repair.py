@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 
 from deeptruck_core.errors import InputError
 from deeptruck_core.files import Result
-from deeptruck_model.recordings import CrashSafeWriter, mcap_repair, repair
+from deeptruck_model.recordings import CrashSafeWriter, mcap_repair, read, repair
 
 KIND = Result("a bag of this test")
 
@@ -194,3 +194,17 @@ def test_what_stands_behind_the_end_of_a_file_is_kept(tmp_path: Path, described:
     assert (tmp_path / "bag" / "bag_0.mcap.cut").read_bytes().endswith(behind)
     assert contents(tmp_path / "bag") == {"/a": list(range(50)), "/b": list(range(50))}
     assert repair(tmp_path / "bag") is None
+
+
+def test_what_a_reader_calls_torn_is_repaired(tmp_path: Path) -> None:
+    """A footer that leads to another place than the index: readers refuse the file and name this command."""
+    file = finished_bag(tmp_path / "bag")
+    data = bytearray(file.read_bytes())
+    (summary_start,) = struct.unpack_from("<Q", data, len(data) - 28)
+    struct.pack_into("<Q", data, len(data) - 28, summary_start + 1)
+    file.write_bytes(data)
+    with pytest.raises(InputError, match="repair"):
+        read(tmp_path / "bag")
+    said = repair(tmp_path / "bag")
+    assert said is not None and "nothing was lost" in said
+    assert contents(tmp_path / "bag") == {"/a": list(range(50)), "/b": list(range(50))}
