@@ -27,7 +27,7 @@ def asc(path: Path, account: Account) -> Iterator[Frame]:
         path,
         account,
         r"\s*-?\d+\.\d+\s+(?!Start of)",
-        omit=r"\sTxRq\s",
+        omit=r".*\sTxRq\s",
         omitted="requests to transmit (TxRq)",
     )
     reader = can.ASCReader(lines)

@@ -52,7 +52,7 @@ class Lines:
         """Nothing to close: the file closes after its last line."""
 
     def _shown(self) -> Iterator[str]:
-        is_entry, is_omitted, tally = self._entry.match, self._omit.search, self._account.total
+        is_entry, is_omitted, tally = self._entry.match, self._omit.match, self._account.total
         with self._path.open(encoding="utf-8-sig", errors="replace") as file:
             for number, line in enumerate(iter(partial(file.readline, LONGEST), ""), 1):
                 if len(line) >= LONGEST:
