@@ -107,6 +107,10 @@ class OfAFormat:
         with pytest.raises(InputError, match=r"packed\S+ cannot be unpacked"):
             taken(packed)
 
+    def test_under_a_suffix_of_nothing_it_is_refused(self, drive: Path) -> None:
+        with pytest.raises(InputError, match=r"renamed\.xyz is no CAN log that can be read here"):
+            taken(drive.rename(drive.with_name("renamed.xyz")))
+
     def test_another_file_of_this_suffix_is_one_line(self, drive: Path) -> None:
         for content in (b"", b"rubbish\nof two lines\n" * 9, b"\x00\x01\xff" * 99):
             drive.write_bytes(content)
