@@ -222,7 +222,7 @@ class TestRosbag(OfAFormat):
 if importlib.util.find_spec("asammdf"):
 
     class TestMf4(OfAFormat):
-        name, buses = "drive.mf4", ("1", "2")
+        name, buses = "drive.mf4", ("0", "1")
 
 
 def written(path: Path, text: str) -> Path:
