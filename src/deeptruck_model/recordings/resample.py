@@ -16,7 +16,14 @@ from deeptruck_core.arrays import Array
 from deeptruck_core.errors import InputError
 from deeptruck_core.signals import CHANNELS, TruckInterface
 from deeptruck_model.recordings.consistency import accelerometer, agreement
-from deeptruck_model.recordings.consistency.impossible import Places, moving_at_zero, senders
+from deeptruck_model.recordings.consistency.impossible import (
+    FUEL,
+    STANDS,
+    Places,
+    held_beside,
+    moving_at_zero,
+    senders,
+)
 from deeptruck_model.recordings.consistency.sensors import doubts
 from deeptruck_model.recordings.interpolate import (
     GAP_PERIODS,
@@ -31,6 +38,7 @@ from deeptruck_model.recordings.recording import FROM_SPEED, Recording
 from deeptruck_model.recordings.renewals import one_per_burst, renewed
 from deeptruck_model.recordings.units import metres_per_degree
 
+FUEL_UNITS = ("g/s", "cm^3/s")  # of an engine command that is a fuel rate
 NO_SPEED = "recorded while there was no speed"
 DERIVED, WITHOUT = "derived where there is no speed", "derived where there is nothing to derive it from"
 JUMPED = "derived where it jumps faster than any truck"
@@ -85,13 +93,30 @@ class Resampled:
         units = units or {}
         self._ranges = {c: Range(c, tally, units.get(c, ""), cut_at) for c, tally in self._tallies.items()}
         self._pieces: list[_Piece] = []
+        self._against_poses: list[str] = []  # doubts by which a speed is refused
         known: dict[str, Series] = {}
         self._turns = senders(series["speed"].values) if "speed" in series else ""
         for channel, one in series.items():
             time, values = one_per_burst(channel, *renewed(channel, one, self._tallies[channel]))
             known[channel] = Series(time, self._ranges[channel].masked(time, values))
+        for channel in FUEL:
+            if channel in known and (channel == "fuel_rate" or self._ranges[channel].unit in FUEL_UNITS):
+                known[channel] = self._moving(channel, known)
         if "speed" in known and len(known["speed"].time) > 1:
             self._compute(known, rate_hz, cut_at, poses)
+
+    def _moving(self, channel: str, series: Mapping[str, Series]) -> Series:
+        """A fuel rate without samples that stand still while the engine, or else the truck, changes its
+        speed."""
+        time, values = series[channel].time, series[channel].values
+        turning = "engine_speed" in series
+        beside = series.get("engine_speed", series.get("speed", Series(time[:0], time[:0]))).valid
+        if not len(beside.time):
+            return series[channel]
+        others = np.interp(time, beside.time, beside.values, left=np.nan, right=np.nan)
+        stands = held_beside(time, values, others, turning=turning)
+        self._ranges[channel].set_aside(STANDS, time, values, stands)
+        return Series(time, np.where(stands, np.nan, values))
 
     def _compute(
         self,
@@ -101,6 +126,8 @@ class Resampled:
         poses: Sequence[tuple[Array, Array, Array]],
     ) -> None:
         speed = series["speed"]
+        for pose in poses:
+            self._against_poses += agreement.against_pose(speed, *pose)
         native = period(speed.time)
         self.dt, gap = _step(speed.time, native, rate_hz), max(GAP_S, GAP_PERIODS * native)
         out = {
@@ -170,6 +197,8 @@ class Resampled:
                 "into one column or topic: export a column that says which one a row is of, and take one by "
                 "'only', or take a source of one sender"
             )
+        for says in self._against_poses:
+            raise InputError(f"'{self.name}': {says}")
         if not self._pieces:
             raise InputError(self._nothing())
         account = self._accounted()
@@ -220,7 +249,8 @@ class Resampled:
             f"{entry.count} are {reason}, first {entry.first}" for reason, entry in speed.aside.items()
         ]
         unit = "; is its unit right?" if any(reason.startswith("outside") for reason in speed.aside) else ""
-        return f"{nothing} (of {speed.read}, {', '.join(reasons)}{unit})" if reasons else nothing
+        cure = "; take another speed" if UNMOVED in speed.aside else unit
+        return f"{nothing} (of {speed.read}, {', '.join(reasons)}{cure})" if reasons else nothing
 
 
 @dataclass(frozen=True)

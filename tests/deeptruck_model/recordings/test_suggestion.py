@@ -362,10 +362,27 @@ def test_a_bag_of_ours_comes_back_as_it_was(
         np.testing.assert_allclose(mapped.channels[name], ours.channels[name])
 
 
-def test_a_twist_that_was_never_filled_is_refused(tmp_path: Path) -> None:
-    moved = bag(tmp_path / "bag", ROWS["an odometry without a twist"].topics, {})
-    with pytest.raises(InputError, match="100 are zero while positions move on"):
-        read(moved, topic_map={"speed": {"topic": "/odom", "field": "twist.twist.linear.x"}})
+NOISE = np.random.default_rng(0).normal(0.0, 1.0, 1200)
+
+
+@pytest.mark.parametrize(
+    ("twist", "says"),
+    [
+        (0.0 * NOISE[:100], "100 are zero while positions move on.*take another speed"),
+        (0.002 * NOISE, "speed does not follow the pose beside it"),
+        (5.0 + 0.0 * NOISE, "speed does not follow the pose beside it"),
+        (0.1 * NOISE, "speed does not follow the pose beside it"),
+    ],
+)
+def test_a_twist_that_was_frozen_or_never_filled_is_refused(tmp_path: Path, twist: Any, says: str) -> None:
+    way = np.cumsum(15.0 + 6.0 * np.sin(np.arange(1200) / 100.0)) / 10.0
+    of = {"pose.pose.position.x": lambda k: way[k], "twist.twist.linear.x": lambda k: float(twist[k])}
+    messages = [("/odom", made("nav_msgs/msg/Odometry", of, k), S + k * S // 10) for k in range(len(twist))]
+    with pytest.raises(InputError, match=says):
+        read(
+            bag_of(tmp_path / "bag", messages, types=STORE),
+            topic_map={"speed": {"topic": "/odom", "field": "twist.twist.linear.x"}},
+        )
 
 
 def test_words_of_names() -> None:

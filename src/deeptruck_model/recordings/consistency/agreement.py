@@ -40,7 +40,10 @@ ACCELEROMETERS = {  # the same, compared with an accelerometer that is read so
     9.80665: "an accelerometer in g read as m/s^2",
 }
 LEAST_VARIED = 20  # windows by which one is seen not to follow the other
-VARIED_M_S = 1.0  # standard deviation of speeds that can be correlated
+VARIED_M_S, STILL = (
+    1.0,
+    0.05,
+)  # standard deviation of speeds that can be correlated; part of that of one that stands
 # of differences between windows: m/s^2 of dv/dt and slope that can be correlated; correlation of a body's
 # pitch, and its share of the slope that would slow a truck as much
 LEAST_CHANGE, LEAST_PITCH, PITCHED, MOST_PITCH = 0.1, 0.0005, 0.8, 0.4
@@ -82,7 +85,23 @@ def comparisons(recordings: Sequence[Recording], channel: str) -> Iterator[Compa
         yield from _speed_by_distance(recordings)
 
 
-def _speed_by_places(recordings: Sequence[Recording]) -> Iterator[Comparison]:
+def against_pose(speed: Series, time: Array, x: Array, y: Array) -> Iterator[str]:
+    """What is wrong with a speed beside the pose, in m, that moves in the same messages."""
+    known = np.isfinite(x) & np.isfinite(y)
+    if known.sum() < 2:
+        return
+    (east_m,), (north_m,) = metres_per_degree(np.zeros(1))
+    at = time[known]
+    places = {"longitude": Series(at, x[known] / east_m), "latitude": Series(at, y[known] / north_m)}
+    for one in _speed_by_places([as_drive({"speed": speed, **places})], slowest=-np.inf):
+        if one.correlation < UNRELATED:
+            yield (
+                f"speed does not follow the pose beside it (correlation {one.correlation:.2f}), as where a "
+                "twist was frozen or never filled: take another speed"
+            )
+
+
+def _speed_by_places(recordings: Sequence[Recording], slowest: float = DRIVING_M_S) -> Iterator[Comparison]:
     """By latitude and longitude over SLOW_S, or in a short drive over WINDOW_S if these are fine enough."""
     places = [r.channels["latitude"] for r in recordings if "latitude" in r.channels]
     coarse = max(map(_resolution, places), default=0.0)
@@ -94,14 +113,16 @@ def _speed_by_places(recordings: Sequence[Recording]) -> Iterator[Comparison]:
         east_m, north_m = metres_per_degree(latitude)
         pace = np.hypot(north * north_m, east * east_m)
         least = np.maximum(MOVING_M_S, coarse * north_m / (COARSE * window_s))
-        moving = (speed > DRIVING_M_S) & (pace > least)
+        moving = (speed > slowest) & (pace > least)
         if moving.sum() < LEAST_SLOW:
             continue
         varied = min(speed[moving].std(), pace[moving].std()) > VARIED_M_S and moving.sum() >= LEAST_VARIED
+        stands = speed[moving].std() < STILL * pace[moving].std() and pace[moving].std() > VARIED_M_S
+        correlation = float(np.corrcoef(speed[moving], pace[moving])[0, 1]) if varied else np.nan
         yield Comparison(
             "latitude and longitude give",
             float(np.median(speed[moving] / pace[moving])),
-            float(np.corrcoef(speed[moving], pace[moving])[0, 1]) if varied else np.nan,
+            0.0 if stands else correlation,
             otherwise="leave the places out",
         )
         return
@@ -210,11 +231,10 @@ def grade_doubts(recordings: Sequence[Recording]) -> Iterator[Doubt]:
             return
     off = _grade_offset(recordings)
     if off:
-        yield Doubt(
-            "grade",
-            f"grade is {off:+.3f} off what height over distance gives: correct it by 'offset', or leave it "
-            f"out{without}",
-        )
+        follows = any(one.correlation > CORRELATED for one in _grade_by_height(recordings))
+        cure = "correct it by 'offset', or " if follows else "that it follows them is not seen: "
+        says = f"grade is {off:+.3f} off what height over distance gives: {cure}leave it out{without}"
+        yield Doubt("grade", says)
 
 
 def _pitch(recordings: Sequence[Recording]) -> Comparison | None:

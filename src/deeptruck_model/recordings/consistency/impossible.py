@@ -71,6 +71,9 @@ DROPPED = "that jump to a number for no value and back"
 UNAVAILABLE = "of a code for 'not available'"
 SPIKES = "that jump away and back faster than any truck"
 FROZEN = "that stand still and then jump"
+HELD_S, HELD_SAMPLES, TURNED, IDLING = 3.0, 6, 0.03, 2.0  # of a held fuel rate; of engine speed; times idling
+FUEL = ("fuel_rate", "engine_command")  # what an engine that changes its speed burns is never one number
+STANDS = "that stand still while the engine changes"
 LINE = "on one straight line for long, as written where nothing was measured"
 
 
@@ -175,6 +178,31 @@ def _frozen(channel: str, t: Array, v: Array) -> Iterator[tuple[str, Mask]]:
             jump = abs(float(v[j] - v[i]))
             found[i + 1 : j] = jump > FROZEN_STEP * usual and jump > rate * (t[j] - t[j - 1])
     yield FROZEN, found
+
+
+def held_beside(time: Array, values: Array, others: Array, *, turning: bool) -> Mask:
+    """Samples (n,) of a fuel rate that repeat one number while `others` (n,) change, the speed of the engine
+    where it is `turning`, else that of the truck; the first of them is a value. Zero is an overrun, and so
+    is idling beside a truck that rolls."""
+    found = np.zeros(len(values), dtype=bool)
+    at = np.flatnonzero(np.isfinite(values))
+    t, v, beside = time[at], values[at], others[at]
+    if len(v) < 3:
+        return found
+    starts = np.flatnonzero(np.diff(v, prepend=np.nan) != 0.0)
+    ends = np.append(starts[1:], len(v))
+    counts = (ends - starts)[v[starts] > 0.0]
+    if not len(counts):
+        return found
+    least = max(HELD_SAMPLES, FROZEN_RUNS * float(np.quantile(counts, 0.9)))
+    low = 0.0 if turning else IDLING * float(np.quantile(v[v > 0.0], 0.05))
+    for i, j in zip(starts, ends, strict=True):
+        if j - i < least or t[j - 1] - t[i] < HELD_S or not low < v[i] < v.max():
+            continue
+        part = beside[i:j][np.isfinite(beside[i:j])]
+        if len(part) and np.ptp(part) > TURNED * max(float(part.mean()), 1.0):
+            found[at[i + 1 : j]] = True
+    return found
 
 
 def _lines(channel: str, t: Array, v: Array) -> Iterator[tuple[str, Mask]]:

@@ -21,7 +21,7 @@ from scipy.io import savemat
 
 from deeptruck_core.arrays import Array
 from deeptruck_model.recordings import Recording, import_table, read, suggest_columns
-from deeptruck_model.recordings.consistency.impossible import DROPPED, FROZEN, LINE, SPIKES
+from deeptruck_model.recordings.consistency.impossible import DROPPED, FROZEN, LINE, SPIKES, STANDS
 
 Rows = dict[str, Any]
 D = drive()
@@ -164,6 +164,15 @@ def frozen_height() -> Rows:
     h = 300 + np.round(0.002 * np.cumsum(LONG["v"] / 3.6), 2)
     h[300:420] = h[300]
     return {**LONG, "h": h}
+
+
+def held_fuel() -> Rows:
+    """One stands for 8 s while the engine changes, another while it idles; for 20 s there is none."""
+    k, n = np.arange(1200), 60 * LONG["v"] / 3.6
+    fuel = 5 + 0.004 * n + np.random.default_rng(0).normal(0, 0.2, 1200).round(3)
+    fuel = np.where((k >= 300) & (k < 380), fuel[300], np.where(k < 200, 0.0, fuel))
+    fuel[600:700], n[600:700] = 0.256, 600.0
+    return {**LONG, "f": fuel.round(4), "n": n.round(1)}
 
 
 def signal(step: int, values: Array) -> Rows:
@@ -431,6 +440,9 @@ TABLES = {
         reads={"grade": (lambda t: 0 * t + 0.02, 0.01)},
             says=(f"elevation changes its zero by {by:+.0f}",))
        for step, by, noise in ((0.1, -42.0, 0.0), (1.0, 12.0, 0.3), (0.1, 6.0, 0.0))},
+    "a fuel rate that is held while the engine changes, zero and an idle that are not": Table(
+        held_fuel(), with_channels(fuel_rate=column("f", unit="g/s"), engine_speed=column("n", unit="rpm")),
+        pieces=(1200,), reads={"fuel_rate": None}, aside={STANDS: 79}),
     "codes for not available": Table(
         changed(D, gas=((K >= 200) & (K < 260), 102), brake=((K >= 200) & (K < 260), 102)),
         reads={"engine_command": lambda t: np.interp(t, T, D["gas"])},
