@@ -61,8 +61,8 @@ PEDAL, CODES = 100.4, (101.6, 102.0)  # percent: largest of a pedal, and its cod
 ZERO_BYTE = -125.0  # percent torque of a byte of zero: no engine retards by that
 LEAST_TURNS, MOST_TURNS = 40, 12  # samples to judge by, and apart that one of another sender stands
 # of the usual step, that is left without another sender; resolutions that a jump to it has, and part of the
-# steps that are smaller
-SMOOTHER, JUMPS, OFTEN = 0.5, 3.0, 0.82
+# steps that are smaller; of its samples, that are off their neighbours
+SMOOTHER, JUMPS, OFTEN, MOST_OFF = 0.5, 3.0, 0.82, 0.5
 # samples in whose middle the more frequent sender is; usual distances from it of another one, which are this
 # many and part of all, on one side, and change from one to the next by a part of their size
 NEIGHBOURS, AWAY, LEAST_OTHERS, LEAST_SHARE, ALIKE, SLOWLY = 11, 5.0, 20, 0.03, 0.9, 0.3
@@ -358,7 +358,8 @@ def senders(values: Array) -> str:
             for k in range(every)
         }
         every, k = min(left, key=lambda one: left[one])
-        if left[every, k] < SMOOTHER * usual:
+        off = np.abs(v[1:-1] - 0.5 * (v[2:] + v[:-2]))[turn[1:-1] % every == k]
+        if left[every, k] < SMOOTHER * usual and (off > fine).mean() > MOST_OFF:
             return f"at every {every}. sample"
     off = v - median_filter(v, NEIGHBOURS, mode="nearest")
     others = off[np.abs(off) > max(fine, AWAY * float(np.median(np.abs(off))))]
