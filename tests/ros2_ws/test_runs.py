@@ -70,6 +70,9 @@ OWN = {  # files of parameters
         ("start_simulation", {"parameters": "page.yaml"}, "this run has no node 'live_page'"),
         ("start_simulation", {"parameters": "bag.yaml"}, "recorder's bag follows from the command line"),
         ("start_simulation", {"parameters": "lock.yaml"}, "truck_sim's lockstep follows from the command"),
+        ("start_simulation", {"policy": "baseline:best"}, "there is no baseline 'best'"),
+        ("start_simulation", {"policy": "planner:nowhere"}, "nowhere does not exist"),
+        ("start_vehicle", {"policy": "other"}, "other is not a policy directory"),
         ("start_vehicle", {"vehicle": "tank"}, "no vehicle 'tank'"),
         ("start_vehicle", {"emulator": True, "leader": "fast"}, "there is no 'fast'"),
         ("start_vehicle", {"driver": "5:brake_pedal=40"}, "--driver is of the emulated truck"),
@@ -97,8 +100,6 @@ def test_what_is_refused_before_anything_starts(
 @pytest.mark.parametrize(
     ("words", "who", "says"),
     [
-        (("start_simulation.py", "--simulator", "truck:trucksim", "--policy", "baseline:best"),
-         "controller", "there is no baseline 'best'"),
         (("start_vehicle.py", "--vehicle", "trucksim", "--policy", "baseline:acc", "--interface", "socketcan",
           "--channel", "can9"), "can_bridge", "cannot open CAN interface 'socketcan'"),
     ],

@@ -1,6 +1,7 @@
 """The three kinds of run behind the start scripts: simulation, vehicle, replay.
 
-What is wrong with an option is found by the node that needs it, which ends the run with one line.
+A policy is looked at before any node starts; what is wrong with other options is found by the node that needs
+it, which ends the run with one line.
 """
 
 from __future__ import annotations
@@ -142,12 +143,16 @@ def _absolute(simulator: str) -> str:
 
 
 def _controller(policy: str, interface: TruckInterface) -> dict[str, Any]:
-    from deeptruck_cacc.controllers.loading import PLANNER
+    """The controller's parameters. Raises InputError for a policy that cannot drive this truck, before any
+    node starts; of a planner only its simulator is looked for, as loading it may compile."""
+    from deeptruck_cacc.controllers.loading import PLANNER, load_policy
 
     if policy.startswith(PLANNER):
+        facts.simulator(policy.removeprefix(PLANNER))
         policy = PLANNER + _absolute(policy.removeprefix(PLANNER))
-    elif not policy.startswith("baseline:"):
-        policy = str(Path(policy).absolute())
+    else:
+        load_policy(policy, interface)
+        policy = policy if policy.startswith("baseline:") else str(Path(policy).absolute())
     return {"policy": policy, "interface": json.dumps(interface.to_dict()), "uses_grade": interface.grade}
 
 
