@@ -369,9 +369,9 @@ NOISE = np.random.default_rng(0).normal(0.0, 1.0, 1200)
     ("twist", "says"),
     [
         (0.0 * NOISE[:100], "100 are zero while positions move on.*take another speed"),
-        (0.002 * NOISE, "speed does not follow the pose beside it"),
-        (5.0 + 0.0 * NOISE, "speed does not follow the pose beside it"),
-        (0.1 * NOISE, "speed does not follow the pose beside it"),
+        (0.002 * NOISE, "speed does not follow the pose of its messages"),
+        (5.0 + 0.0 * NOISE, "speed does not follow the pose of its messages"),
+        (0.1 * NOISE, "speed does not follow the pose of its messages"),
     ],
 )
 def test_a_twist_that_was_frozen_or_never_filled_is_refused(tmp_path: Path, twist: Any, says: str) -> None:

@@ -86,7 +86,7 @@ def comparisons(recordings: Sequence[Recording], channel: str) -> Iterator[Compa
 
 
 def against_pose(speed: Series, time: Array, x: Array, y: Array) -> Iterator[str]:
-    """What is wrong with a speed beside the pose, in m, that moves in the same messages."""
+    """What is wrong with a speed, by the pose, in m, of the same messages."""
     known = np.isfinite(x) & np.isfinite(y)
     if known.sum() < 2:
         return
@@ -96,8 +96,8 @@ def against_pose(speed: Series, time: Array, x: Array, y: Array) -> Iterator[str
     for one in _speed_by_places([as_drive({"speed": speed, **places})], slowest=-np.inf):
         if one.correlation < UNRELATED:
             yield (
-                f"speed does not follow the pose beside it (correlation {one.correlation:.2f}), as where a "
-                "twist was frozen or never filled: take another speed"
+                f"speed does not follow the pose of its messages (correlation {one.correlation:.2f}), as "
+                "where a twist was frozen or never filled: take another speed"
             )
 
 

@@ -64,8 +64,9 @@ LEAST_TURNS, MOST_TURNS = 40, 12  # samples to judge by, and apart that one of a
 # steps that are smaller; of its samples, that are off their neighbours
 SMOOTHER, JUMPS, OFTEN, MOST_OFF = 0.5, 3.0, 0.82, 0.5
 # samples in whose middle the more frequent sender is; usual distances from it of another one, which are this
-# many and part of all, on one side, and change from one to the next by a part of their size
-NEIGHBOURS, AWAY, LEAST_OTHERS, LEAST_SHARE, ALIKE, SLOWLY = 11, 5.0, 20, 0.03, 0.9, 0.3
+# many and part of all, on one side, and change from one to the next by a part of their size; least part of
+# their numbers that differ
+NEIGHBOURS, AWAY, LEAST_OTHERS, LEAST_SHARE, ALIKE, SLOWLY, MOVES = 11, 5.0, 20, 0.03, 0.9, 0.3, 0.3
 GOES_ON = 1.5  # times the usual step that two steps are of what goes on smoothly, which is 2
 DROPPED = "that jump to a number for no value and back"
 UNAVAILABLE = "of a code for 'not available'"
@@ -362,12 +363,14 @@ def senders(values: Array) -> str:
         if left[every, k] < SMOOTHER * usual and (off > fine).mean() > MOST_OFF:
             return f"at every {every}. sample"
     off = v - median_filter(v, NEIGHBOURS, mode="nearest")
-    others = off[np.abs(off) > max(fine, AWAY * float(np.median(np.abs(off))))]
-    if len(others) < max(LEAST_OTHERS, LEAST_SHARE * len(v)):
+    away = np.abs(off) > max(fine, AWAY * float(np.median(np.abs(off))))
+    others, count = off[away], int(away.sum())
+    # numbers that repeat are codes, and no speed of another sender
+    if count < max(LEAST_OTHERS, LEAST_SHARE * len(v)) or len(np.unique(v[away])) < MOVES * count:
         return ""
     alike = np.mean(np.sign(others[1:]) == np.sign(others[:-1])) > ALIKE
     slowly = np.abs(np.diff(others)).mean() < SLOWLY * np.abs(others).mean()
-    return f"at {len(others)} of {len(v)} samples" if alike and slowly else ""
+    return f"at {count} of {len(v)} samples" if alike and slowly else ""
 
 
 def impossible_steps(channel: str, time: Array, values: Array) -> tuple[int, int]:
