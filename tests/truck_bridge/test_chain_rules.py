@@ -104,11 +104,11 @@ def test_a_leader_that_stood_for_long_drives_off_and_the_truck_asks(vehicle):
     asked = []
 
     def engage(chain):
-        if chain.now == 28.0:
+        if chain.now == 30.0:
             asked.extend([chain.state, chain.truck.speed])
             assert chain.engage() == ()
 
-    chain = drive(vehicle, Steps((8.0, 0.0, 8.0), 12.0, 2.0), 33.0, act=engage)
+    chain = drive(vehicle, Steps((8.0, 0.0, 8.0), 14.0, 2.0), 35.0, act=engage)
     assert asked == ["holding", 0.0]
     assert chain.state == "engaged"
     assert chain.truck.speed > 1.0

@@ -49,13 +49,24 @@ class Truck(NamedTuple):
     yielded: Array  # m/s^2, the braking that `gentle` requested last
     yields: Mask  # whether it requested the brakes for it
     short: Array  # m/s^2, by which the truck has braked less than that, by slope, load or brakes
+    left: Array  # share of the engine command that it left
 
     @classmethod
     def unknown(cls, batch: int) -> Truck:
         """Before the first measurement, with cold brakes."""
         nothing = np.zeros(batch)
         unknown = np.full(batch, np.nan)
-        return cls(np.full(batch, 40.0), nothing, nothing, nothing, unknown, nothing, nothing > 0.0, nothing)
+        return cls(
+            np.full(batch, 40.0),
+            nothing,
+            nothing,
+            nothing,
+            unknown,
+            nothing,
+            nothing > 0.0,
+            nothing,
+            nothing + 1,
+        )
 
 
 @dataclass
@@ -220,7 +231,9 @@ class Shield:
         yields = (asked > 0.0) & np.where(truck.yields, of_brakes > p.released_below, presses)
         least = np.where(yields, p.share_of(of_brakes), 0.0) * self.brake_high
         left = np.where(yields, 0.0, 1.0 - np.clip(asked / p.mild_braking, 0.0, 1.0))
-        self._truck = truck._replace(yielded=asked, yields=yields)
+        change = 0.5 * p.dt / p.ease_s  # no jolt
+        left = np.clip(left, truck.left - change, truck.left + change)
+        self._truck = truck._replace(yielded=asked, yields=yields, left=left)
         most = self._share_for(self._braking_to_stop().max(axis=0))
         brake = self.brakes.slewed(brake / self.brake_high, most) * self.brake_high
         return self.engine_low + left * (engine - self.engine_low), np.maximum(brake, least)

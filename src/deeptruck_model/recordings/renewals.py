@@ -36,6 +36,7 @@ def renewed(channel: str, series: Series, tally: Tally) -> tuple[Array, Array]:
                 f"at {moment(series.time[filled[0]])}",
                 len(filled),
             )
+            rows = np.union1d(rows, valid[-1:])  # up to which the last one holds
             return series.time[rows], series.values[rows]
     return series.time, series.values
 
