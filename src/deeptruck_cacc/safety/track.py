@@ -359,7 +359,10 @@ class Tracker:
         received = np.isfinite(gap + leader)
         same = received & (reading == past.last)
         change = reading - past.last
-        rough = np.minimum(np.where(same, np.nan, np.abs(change - past.change)), 1.0)  # a jump is no noise
+        rough = np.where(same, np.nan, np.abs(change - past.change))
+        rough = np.minimum(
+            rough, np.array([[1.0], [0.1]])
+        )  # a jump is no noise, nor that a leader begins to brake
         seen_s = np.minimum(past.seen_s + self.dt * np.isfinite(rough), self.noise_s)
         noise = past.noise + self.dt / np.maximum(seen_s, self.dt) * np.nan_to_num(rough - past.noise)
         same_s = np.where(same, past.same_s + self.dt, np.where(received, 0.0, past.same_s))

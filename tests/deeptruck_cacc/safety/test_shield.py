@@ -245,7 +245,7 @@ def test_the_room_before_the_limit_shrinks_no_faster_than_in_yield_s(leader, roo
     gap = needed + PROMISE.gap_error + room
     for _ in range(30):
         assert gentle(shield, column(500.0), speed) == (800.0, 0.0)
-    for _ in range(6):  # by `jerk` up to what it asks for
+    for _ in range(10):  # by `jerk` up to what it asks for, while the engine is taken back
         engine, brake = gentle(shield, gap, speed)
     more = PROMISE.needed_gap(column(20.6), column(leader - 0.1), column(0.0), PROMISE.dt) - needed
     wanted = np.clip((20.0 - leader - (room - PROMISE.soft_m) / PROMISE.yield_s) * 0.5 / more, 0.0, 1.5)
