@@ -30,13 +30,15 @@ def renewed(channel: str, series: Series, tally: Tally) -> tuple[Array, Array]:
             continue
         rows = valid[found(np.clip(series.values[valid], -1e12, 1e12))]  # infinities have no difference
         if len(rows):
-            filled, every = np.setdiff1d(valid, rows), round(float(np.median(np.diff(rows))))
+            every = round(float(np.median(np.diff(rows))))
+            if how == "held":
+                rows = np.union1d(rows, valid[-1:])  # up to which the last one is
+            filled = np.setdiff1d(valid, rows)
             tally.set_aside(
                 f"{how} between the samples that renew it, about every {every}",
                 f"at {moment(series.time[filled[0]])}",
                 len(filled),
             )
-            rows = np.union1d(rows, valid[-1:])  # up to which the last one holds
             return series.time[rows], series.values[rows]
     return series.time, series.values
 
